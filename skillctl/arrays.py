@@ -1,0 +1,59 @@
+"""Frozen, shape-checked arrays: the values that skills and demonstrations are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.errors import InvalidModelError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def frozen_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -> FloatArray:
+    """Return a read-only float64 copy of ``value``, checked to be finite and of ``shape``.
+
+    Args:
+        name: What the array is called in the error message.
+        value: Anything NumPy can read as numbers.
+        shape: Expected length per axis; None accepts any length of at least one.
+
+    Raises:
+        InvalidModelError: Not numbers, not finite, or of another shape.
+    """
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidModelError(f"{name}: not an array of numbers.") from error
+    fits = array.ndim == len(shape) and all(
+        found == wanted or (wanted is None and found > 0)
+        for found, wanted in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted_text = " x ".join("any" if n is None else str(n) for n in shape)
+        raise InvalidModelError(f"{name}: expected shape ({wanted_text}), got {array.shape}.")
+    if not np.isfinite(array).all():
+        raise InvalidModelError(f"{name}: must be finite.")
+    array.setflags(write=False)
+    return array
+
+
+def require_spd(name: str, matrices: FloatArray) -> None:
+    """Raise InvalidModelError unless every matrix in a stack (..., d, d) is symmetric positive definite."""
+    transposed = matrices.swapaxes(-1, -2)  # eigvalsh reads one triangle only
+    if (matrices != transposed).any():
+        raise InvalidModelError(f"{name}: must be symmetric.")
+    if np.linalg.eigvalsh(matrices).min() <= 0:
+        raise InvalidModelError(f"{name}: must be positive definite.")
+
+
+def require_simplex(name: str, weights: FloatArray) -> None:
+    """Raise InvalidModelError unless all weights are positive and they sum to one."""
+    # Rounding of a normalised sum of n terms stays below n * eps; 8 leaves room for one more division.
+    tolerance = 8 * weights.size * np.finfo(np.float64).eps
+    if weights.min() <= 0 or abs(weights.sum() - 1) > tolerance:
+        raise InvalidModelError(f"{name}: must be positive and sum to one.")

@@ -1,0 +1,48 @@
+"""Every deliberate failure of skillctl: one sentence, and a hint that names the next action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class SkillctlError(Exception):
+    """Base of all deliberate failures. ``hint`` says what the user can do next."""
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+    def __reduce__(self) -> tuple[Any, ...]:  # the default loses keyword-only arguments between processes
+        return Exception.__new__, (type(self), *self.args), self.__dict__
+
+
+class UsageError(SkillctlError):
+    """The request itself makes no sense: options that contradict each other, a weight below zero."""
+
+
+class NotFoundError(SkillctlError):
+    """Something named does not exist: a file, a skill, a version, or an optional package."""
+
+
+class InputDataError(SkillctlError):
+    """Demonstrations that cannot be used: unreadable, not finite, too short, of different dimensions."""
+
+
+class InvalidModelError(SkillctlError):
+    """Arrays that do not form a skill: wrong shape, not finite, not positive definite."""
+
+
+class FitError(SkillctlError):
+    """No skill with the required guarantee could be computed from acceptable input."""
+
+
+class GoalNotReachedError(SkillctlError):
+    """The arm cannot do what was asked: the target or the start lies outside its workspace."""
+
+
+class ArtifactError(SkillctlError):
+    """A file that is not an intact skill artifact of a format this build reads."""
+
+
+class StoreError(SkillctlError):
+    """The disk refused: no permission, no space, not a directory."""

@@ -1,0 +1,1 @@
+"""A skill on an arm."""
