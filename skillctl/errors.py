@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import Any
+
+UNPRINTABLE = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})  # control, format (bidi), surrogates, line breaks
+
+
+def printable(text: str) -> str:
+    r"""Return ``text`` with control and invisible format characters written as ``\x1b``.
+
+    Names in other people's files end up in messages; a terminal must not obey them.
+    """
+    return "".join(
+        char.encode("unicode_escape").decode("ascii") if unicodedata.category(char) in UNPRINTABLE else char
+        for char in text
+    )
 
 
 class SkillctlError(Exception):
