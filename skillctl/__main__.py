@@ -1,0 +1,49 @@
+"""The program ``skillctl``: what must happen before anything heavy is imported."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+
+from skillctl.cli.exit_codes import ExitCode
+
+# The matrices of a skill are tiny: more BLAS threads only cost time, and one thread gives every machine the
+# same sums. The variables count only if they are set before NumPy is imported.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+def main() -> None:
+    """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
+    # Unwind as for Ctrl-C, so that temporary files are removed.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(ExitCode.TERMINATED))
+    if sys.argv[1:] == ["--version"]:
+        _print_version()
+        return
+    for variable in THREAD_VARIABLES:
+        os.environ[variable] = "1"
+    if not sys.warnoptions and "--debug" not in sys.argv:
+        warnings.simplefilter("ignore")  # they speak to developers; tests turn them into errors
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # ξ on a Latin-1 terminal is no reason to stop
+    from skillctl.cli.app import app
+
+    app(prog_name="skillctl")
+
+
+def _print_version() -> None:
+    from skillctl import __version__
+
+    try:
+        print(f"skillctl {__version__}", flush=True)
+    except BrokenPipeError:
+        os._exit(ExitCode.CLOSED_PIPE)
+    except OSError as error:
+        print(f"error: standard output cannot be written: {error.strerror}.", file=sys.stderr)
+        os._exit(ExitCode.STORE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""The command line: a registry of commands whose modules are imported when they are called."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
+
+from skillctl import errors
+from skillctl.cli.errors import did_you_mean
+from skillctl.cli.exit_codes import ExitCode
+from skillctl.cli.output import Output
+
+# Name → what `skillctl --help` says. The module and its function are the name with underscores.
+COMMANDS = {
+    "learn": "Learn a skill from demonstrations.",
+    "merge": "Merge skills: all act together on one target.",
+    "combine": "Combine skills: where it starts decides which acts.",
+    "inspect": "Show what is in a skill.",
+    "verify-stability": "Prove that skills reach their target.",
+    "simulate": "Run a skill on a simulated arm.",
+    "quickstart": "See all of the above on an example, in about a minute.",
+    "ls": "List the skills of the store.",
+}
+
+CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+EPILOG = """\b
+Example:
+  skillctl quickstart
+  skillctl learn recording.csv --name reach
+  skillctl verify-stability reach
+
+Results go to standard output, everything else to standard error.
+Exit codes: 0 done or proved, 1 not proved or goal not reached, 2 usage, 3 inconclusive, 4 not found,
+5 bad input data, 6 no acceptable skill, 7 artifact refused, 8 store or disk, 70 internal error."""
+
+
+class Command(TyperCommand):
+    """A command that also has the options every command has, and whose help shows options in groups."""
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        self.params.extend(common_options())
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the options."""
+        write_grouped(self.get_params(ctx), ctx, formatter)
+
+
+class CommandGroup(TyperGroup):
+    """The group of all commands: lists them without importing them, and decides every exit code."""
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        self.params.extend(common_options())  # `skillctl --json ls` as well as `skillctl ls --json`
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the options and the list of commands."""
+        self.format_commands(ctx, formatter)
+        write_grouped(self.get_params(ctx), ctx, formatter)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names in the order of the registry."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a stub that knows a command's name and help only."""
+        return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Import the module of the command that is called."""
+        name = args[0]
+        if name not in COMMANDS:
+            if ctx.resilient_parsing:  # completion of a word that is not there yet
+                return None, None, args[1:]
+            raise errors.UsageError(
+                f"No such command: {name}.",
+                hint=did_you_mean(name, COMMANDS) or "'skillctl --help' lists the commands.",
+            )
+        return name, load_command(name), args[1:]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Answer a call without any command with the help."""
+        if not args and not ctx.resilient_parsing:
+            print(ctx.get_help(), file=sys.stderr)
+            raise typer.Exit(ExitCode.USAGE)
+        return super().parse_args(ctx, args)
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run one command and exit. (Typer's own would turn errors into boxes and exit 1.)"""
+        arguments = list(sys.argv[1:] if args is None else args)
+        self._main_shell_completion(extra, prog_name or "skillctl", complete_var)
+        sys.exit(self._run(arguments))
+
+    def _run(self, arguments: list[str]) -> int:
+        output = Output.for_arguments(arguments)
+        try:
+            status = self._outcome(arguments, output)
+            output.flush()
+        except (Exception, KeyboardInterrupt) as error:
+            return output.fail(error)
+        return status
+
+    def _outcome(self, arguments: list[str], output: Output) -> int:
+        try:
+            with self.make_context("skillctl", arguments, obj=output) as context:
+                self.invoke(context)
+        except typer.Exit as stop:
+            return int(stop.exit_code)
+        return ExitCode.DONE
+
+
+COMMON = "Every command"
+
+
+def write_grouped(parameters: Sequence[Any], context: Any, formatter: Any) -> None:
+    """Write the help of parameters, one section a group, the options of every command last."""
+    sections: dict[str, list[tuple[str, str]]] = {}
+    for parameter in sorted(parameters, key=lambda p: getattr(p, "rich_help_panel", None) == COMMON):
+        record = parameter.get_help_record(context)
+        if record is not None:
+            kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
+            sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
+    for title, records in sections.items():
+        with formatter.section(title):
+            formatter.write_dl(records)
+
+
+def common_options() -> list[TyperOption]:
+    """Return the options that every command has; they set fields of the run's `Output`."""
+    described = {
+        ("as_json", "--json"): "Print one JSON document instead of a table.",
+        ("quiet", "-q", "--quiet"): "Print the result only.",
+        ("verbose", "-v", "--verbose"): "Say more about what is being done.",
+        ("debug", "--debug"): "Show tracebacks.",
+    }
+    return [
+        TyperOption(
+            param_decls=list(names),
+            is_flag=True,
+            default=False,
+            expose_value=False,
+            callback=_set_on_output,
+            help=text,
+            rich_help_panel=COMMON,
+        )
+        for names, text in described.items()
+    ]
+
+
+def _set_on_output(context: Any, parameter: Any, value: bool) -> bool:
+    if value:
+        setattr(context.find_root().obj, parameter.name, True)
+    return value
+
+
+def load_command(name: str) -> Any:
+    """Import the module of a command and return the command it declares."""
+    module_name = name.replace("-", "_")
+    module = import_module(f"skillctl.cli.{module_name}")
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    single.command(
+        name,
+        cls=Command,
+        short_help=COMMANDS[name],
+        epilog=module.EXAMPLES,
+        context_settings=CONTEXT_SETTINGS,
+    )(getattr(module, module_name))
+    return typer.main.get_command(single)
+
+
+app = typer.Typer(
+    cls=CommandGroup,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings=CONTEXT_SETTINGS,
+    epilog=EPILOG,
+)
+
+
+@app.callback()
+def skillctl(
+    context: typer.Context,
+    version: bool = typer.Option(False, "--version", help="Print the version and exit."),
+) -> None:
+    """Learn robot skills from demonstrations, make new ones from learned ones, prove them stable."""

@@ -1,0 +1,108 @@
+"""From an exception to an exit code and one sentence: the only place where either is decided."""
+
+from __future__ import annotations
+
+import difflib
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import typer
+
+from skillctl import errors
+from skillctl.cli.exit_codes import ExitCode
+
+# First match wins, so a subclass stands before its base.
+EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
+    (errors.UsageError, ExitCode.USAGE),
+    (errors.NotFoundError, ExitCode.NOT_FOUND),
+    (errors.InputDataError, ExitCode.BAD_INPUT),
+    (errors.InvalidModelError, ExitCode.BAD_INPUT),
+    (errors.FitError, ExitCode.FIT_FAILED),
+    (errors.ArtifactError, ExitCode.REFUSED),
+    (errors.StoreError, ExitCode.STORE),
+    (errors.GoalNotReachedError, ExitCode.NEGATIVE),
+    (BrokenPipeError, ExitCode.CLOSED_PIPE),
+    (OSError, ExitCode.STORE),
+    (KeyboardInterrupt, ExitCode.INTERRUPTED),
+    (Exception, ExitCode.INTERNAL),
+)
+
+# Typer keeps its parser's usage error private; its public BadParameter is a direct child of it.
+ParserError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What is told about an error: exit code, one sentence, and the next action (may be empty)."""
+
+    code: ExitCode
+    message: str
+    hint: str = ""
+
+
+def describe(error: BaseException) -> Failure:
+    """Return what to tell about an error."""
+    if isinstance(error, ParserError):
+        return _usage_failure(error)
+    code = next(code for kind, code in EXIT_CODES if isinstance(error, kind))
+    if isinstance(error, errors.SkillctlError):
+        return Failure(code, printable(str(error)), printable(error.hint))
+    if isinstance(error, KeyboardInterrupt):
+        return Failure(code, "interrupted.")
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return Failure(code, printable(f"{where}{error.strerror or error}."), "Check the path and the disk.")
+    kind = type(error).__name__
+    return Failure(
+        code,
+        printable(f"internal error ({kind}: {error})"),
+        "This is a bug in skillctl. Repeat the command with --debug and report what it prints.",
+    )
+
+
+def printable(text: str) -> str:
+    r"""Return text in one line in which control and invisible format characters are written as ``\x1b``.
+
+    Names and cells of other people's files end up in messages; a terminal must not obey them.
+    """
+    return "".join(
+        char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNPRINTABLE else char
+        for char in text
+    )
+
+
+_UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ``Did you mean …?`` for the nearest known word, or nothing."""
+    nearest = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f"Did you mean {nearest[0]}?" if nearest else ""
+
+
+def _usage_failure(error: Exception) -> Failure:
+    message = getattr(error, "message", "") or ""
+    option = getattr(error, "option_name", None)
+    hint = ""
+    if option is not None and hasattr(error, "possibilities"):
+        message = f"No such option: {option}"
+        hint = did_you_mean(option, _options_of(error))
+    elif callable(render := getattr(error, "format_message", None)):
+        message = render()
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", "skillctl")
+    hint = hint or f"'{command} --help' shows how it is used."
+    return Failure(ExitCode.USAGE, printable(_sentence(message)), printable(hint))
+
+
+def _options_of(error: Exception) -> list[str]:
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return list(getattr(error, "possibilities", None) or ())
+    return [name for parameter in context.command.get_params(context) for name in parameter.opts]
+
+
+def _sentence(text: str) -> str:
+    text = " ".join(text.split())
+    return text if text.endswith((".", "?", "!")) else f"{text}."

@@ -1,0 +1,97 @@
+"""Arguments and options that several commands share, each declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+
+INPUT = "Reading the demonstrations"
+MOTION = "The motion"
+RESULT = "The result"
+
+T = TypeVar("T")
+
+
+# Classes of their own, because Typer reads tuple[float, ...] as "takes two arguments".
+class Numbers(tuple[float, ...]):
+    """``1,2.5,-3``."""
+
+
+class Words(tuple[str, ...]):
+    """``x,y,z``."""
+
+
+class Indices(tuple[int, ...]):
+    """``0,2,5-9``."""
+
+
+def read_numbers(text: str) -> Numbers:
+    """Read ``1,2.5,-3``."""
+    return Numbers(_listed(text, float, "numbers separated by commas, as in 0.4,0,0.5"))
+
+
+def read_words(text: str) -> Words:
+    """Read ``x,y,z``."""
+    return Words(_listed(text, str, "names separated by commas, as in x,y,z"))
+
+
+def read_indices(text: str) -> Indices:
+    """Read ``0,2,5-9``."""
+    found: list[int] = []
+    for first, dash, last in (part.strip().partition("-") for part in text.split(",")):
+        if not first.isdecimal() or (dash and not last.isdecimal()) or (dash and int(last) < int(first)):
+            raise typer.BadParameter(f"{text!r} is not a list of numbers from 0 on, as in 0,2,5-9.")
+        found.extend(range(int(first), int(last or first) + 1))
+    return Indices(found)
+
+
+def _listed(text: str, read: Callable[[str], T], expected: str) -> list[T]:
+    try:
+        parts = [part.strip() for part in text.split(",")]
+        if "" in parts:
+            raise ValueError
+        return [read(part) for part in parts]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a list of {expected}.") from None
+
+
+Skill = Annotated[
+    str, typer.Argument(metavar="SKILL", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest.")
+]
+Skills = Annotated[
+    list[str],
+    typer.Argument(metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest."),
+]
+Store = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Where named skills live. Default: $SKILLCTL_STORE, else the nearest skills/ upwards from here, "
+        "else the user's data folder.",
+    ),
+]
+OutputFile = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE.h5", help="Write this file.", rich_help_panel=RESULT),
+]
+Name = Annotated[
+    str | None,
+    typer.Option(
+        "--name",
+        metavar="NAME",
+        help="Publish it in the store as the next version of NAME.",
+        rich_help_panel=RESULT,
+    ),
+]
+Target = Annotated[
+    Numbers | None,
+    typer.Option(
+        parser=read_numbers,
+        metavar="X,Y,Z",
+        help="Where the motion shall end, in the unit of the skill.",
+        rich_help_panel=MOTION,
+    ),
+]

@@ -1,0 +1,132 @@
+"""Where things are said: results on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+from skillctl.cli import render
+from skillctl.cli.errors import describe, printable
+from skillctl.cli.exit_codes import ExitCode
+from skillctl.errors import StoreError
+
+
+@dataclass
+class Output:
+    """The streams of one run, and how much the user wants to hear.
+
+    Attributes:
+        as_json: The result is one JSON document; so is an error.
+        quiet: Nothing but the result and errors.
+        verbose: Also what is being done.
+        debug: Tracebacks.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    debug: bool = False
+
+    @classmethod
+    def for_arguments(cls, arguments: Sequence[str]) -> Output:
+        """Return the output for a command line that may not even parse: errors need its form too."""
+        words = list(arguments[: arguments.index("--")] if "--" in arguments else arguments)
+        return cls(as_json="--json" in words, debug="--debug" in words)
+
+    def result(self, report: Any, blocks: Callable[[], Sequence[render.Block]]) -> None:
+        """Print a report: as a JSON document, or as the blocks that describe it to people."""
+        if self.as_json:
+            self._write(render.to_json(report) + "\n")
+        elif is_terminal(sys.stdout):
+            self._write(render.to_terminal(blocks(), coloured=allows_colour()))
+        else:
+            self._write(render.to_text(blocks()))
+
+    def note(self, text: str) -> None:
+        """Say something that is not the result."""
+        if not (self.quiet or self.as_json):
+            _to_stderr(printable(text))
+
+    def detail(self, text: str) -> None:
+        """Say something that only those want to know who asked for it."""
+        if self.verbose:
+            self.note(text)
+
+    @contextmanager
+    def progress(self, label: str) -> Iterator[Callable[[str, int, int], None] | None]:
+        """Yield a function (stage, done, total) that moves a progress bar; None where no bar can be shown."""
+        if self.quiet or self.as_json or not is_terminal(sys.stderr):
+            yield None
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(label, total=None)
+
+            def update(stage: str, done: int, total: int) -> None:
+                bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
+
+            yield update
+
+    def fail(self, error: BaseException) -> int:
+        """Tell about an error and return the exit code."""
+        failure = describe(error)
+        if self.debug:
+            traceback.print_exception(error, file=sys.stderr)
+        if failure.code != ExitCode.CLOSED_PIPE:
+            hint = f"\nhint: {failure.hint}" if failure.hint else ""
+            _to_stderr(render.to_json(failure) if self.as_json else f"error: {failure.message}{hint}")
+        _settle_stdout()
+        return int(failure.code)
+
+    def flush(self) -> None:
+        """Make sure that what was printed has arrived: a full disk must not look like success."""
+        self._write("")
+
+    def _write(self, text: str) -> None:
+        if sys.stdout is None:
+            raise StoreError("standard output is closed.", hint="Redirect it to a file or to /dev/null.")
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise StoreError(
+                f"standard output cannot be written: {error.strerror}.",
+                hint="Free some space, or write elsewhere.",
+            ) from error
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Return whether a stream is a terminal that can show more than plain lines (not dumb, not CI)."""
+    if stream is None or os.environ.get("TERM") == "dumb" or os.environ.get("CI"):
+        return False
+    return stream.isatty()
+
+
+def allows_colour() -> bool:
+    """Return whether the user wants colours (https://no-color.org)."""
+    return not os.environ.get("NO_COLOR")
+
+
+def _to_stderr(text: str) -> None:
+    with suppress(OSError, ValueError):  # nowhere left to complain to
+        print(text, file=sys.stderr, flush=True)
+
+
+def _settle_stdout() -> None:
+    """Flush standard output, or point it nowhere: the flush at exit would fail once more, and say so."""
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,128 @@
+"""Who may import whom: read from the source, so that a forgotten import inside a function counts too."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import skillctl
+
+PACKAGE = Path(skillctl.__file__).parent
+LEAVES = {"errors", "arrays"}
+SIBLINGS = {
+    "learning",
+    "compose",
+    "stability",
+    "metrics",
+    "demonstrations",
+    "store",
+    "simulation",
+    "plotting",
+}
+MODULES = sorted(PACKAGE.rglob("*.py"))
+LINE_LIMIT = 420  # a module that needs more is two modules
+
+# Third-party packages that only some rooms may know.
+ONLY_IN = {
+    "pybullet": {"simulation"},
+    "pybullet_data": {"simulation"},
+    "h5py": {"store", "demonstrations"},
+    "pydantic": {"store"},
+    "typer": {"cli"},
+    "rich": {"cli"},
+    "PIL": {"simulation", "plotting"},
+    "matplotlib": {"plotting"},
+    "click": set(),
+}
+
+
+def room_of(path: Path) -> str:
+    """Return the room a module belongs to: its folder, or its own name at the top level."""
+    relative = path.relative_to(PACKAGE)
+    return relative.parts[0] if len(relative.parts) > 1 else relative.stem
+
+
+def imports_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield (line, dotted name) for every import in a module, whatever its nesting."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            yield node.lineno, node.module or ""
+            if node.module == "skillctl":
+                yield from ((node.lineno, f"skillctl.{alias.name}") for alias in node.names)
+
+
+def allowed_rooms(room: str) -> set[str]:
+    """Return the rooms that a room may import besides itself."""
+    if room in LEAVES:
+        return LEAVES
+    if room == "model":
+        return LEAVES
+    if room in SIBLINGS:
+        return LEAVES | {"model"}
+    if room == "usecases":
+        return LEAVES | {"model"} | SIBLINGS
+    return LEAVES | {"model", "usecases", "cli"} | SIBLINGS  # cli, __init__, __main__
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_dependencies_point_one_way(path: Path) -> None:
+    room = room_of(path)
+    for line, name in imports_of(path):
+        parts = name.split(".")
+        if parts[0] != "skillctl" or len(parts) == 1 or parts[1] in {room, "__version__"}:
+            continue
+        assert parts[1] in allowed_rooms(room), f"{path}:{line}: {room} must not import {name}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_heavy_packages_stay_in_their_rooms(path: Path) -> None:
+    room = room_of(path)
+    for line, name in imports_of(path):
+        rooms = ONLY_IN.get(name.split(".")[0])
+        assert rooms is None or room in rooms, f"{path}:{line}: {room} must not import {name}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_modules_stay_readable_in_one_sitting(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= LINE_LIMIT
+
+
+def test_model_needs_numpy_only() -> None:
+    standard = {
+        "__future__",
+        "collections",
+        "dataclasses",
+        "typing",
+        "skillctl",
+        "numpy",
+        "math",
+        "itertools",
+    }
+    for path in (PACKAGE / "model").glob("*.py"):
+        for line, name in imports_of(path):
+            assert name.split(".")[0] in standard, f"{path}:{line}: {name}"
+
+
+def test_top_level_holds_what_the_architecture_names() -> None:
+    root = PACKAGE.parent
+    if not (root / ".git").exists():
+        pytest.skip("not a git checkout: nothing says which files belong")
+    tracked = subprocess.run(["git", "ls-files"], cwd=root, capture_output=True, text=True, check=True).stdout
+    names = {line.split("/")[0] for line in tracked.splitlines()}
+    visible = {name for name in names if not name.startswith(".")}
+    assert visible == {
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "CHANGELOG.md",
+        "skillctl",
+        "skills",
+        "tests",
+    }
