@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ import typer
 
 from skillctl import errors
 from skillctl.cli.exit_codes import ExitCode
+from skillctl.errors import printable
 
 # First match wins, so a subclass stands before its base.
 EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
@@ -59,20 +59,6 @@ def describe(error: BaseException) -> Failure:
         printable(f"internal error ({kind}: {error})"),
         "This is a bug in skillctl. Repeat the command with --debug and report what it prints.",
     )
-
-
-def printable(text: str) -> str:
-    r"""Return text in one line in which control and invisible format characters are written as ``\x1b``.
-
-    Names and cells of other people's files end up in messages; a terminal must not obey them.
-    """
-    return "".join(
-        char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNPRINTABLE else char
-        for char in text
-    )
-
-
-_UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from skillctl.cli import render
-from skillctl.cli.errors import describe, printable
+from skillctl.cli.errors import describe
 from skillctl.cli.exit_codes import ExitCode
-from skillctl.errors import StoreError
+from skillctl.errors import StoreError, printable
 
 
 @dataclass

@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from skillctl.cli.errors import printable
+from skillctl.errors import printable
 
 SCHEMA_VERSION = 1  # keys are only ever added under one version
 
