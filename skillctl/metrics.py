@@ -1,0 +1,198 @@
+"""How far a reproduced motion is from a shown one: distances between curves, velocity errors.
+
+Curves are arrays of positions (T, d). All distances are in the unit of the
+positions. A curve that diverged (not finite, or beyond any physical size) is infinitely far from any other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+
+CURVE_POINTS = 200  # resampling of curves whose distance is measured point by point
+AREA_POINTS = 1000  # resampling of curves whose enclosed area is measured
+DIVERGED = 1e50  # a curve that leaves this range has diverged; products of four coordinates still fit a float
+
+
+def resample_by_arc_length(positions: npt.ArrayLike, count: int = CURVE_POINTS) -> FloatArray:
+    """Return ``count`` points equally spaced in arc length along the polyline through ``positions``.
+
+    Timing drops out: two runs along one path at different speeds give the same points.
+
+    Args:
+        positions: Shape (T, d). Rests (repeated points) are passed over.
+        count: Number of points, at least 2.
+
+    Returns:
+        Shape (count, d); first and last point are those of the curve.
+    """
+    curve = _curve(positions)
+    lengths = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    keep = np.concatenate([[True], lengths > 0])
+    corners, arc = curve[keep], np.concatenate([[0.0], np.cumsum(lengths[lengths > 0])])
+    wanted = np.linspace(0.0, arc[-1], count)
+    return np.stack([np.interp(wanted, arc, column) for column in corners.T], axis=1)
+
+
+def dtw(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:
+    """Return the mean distance between matched points under dynamic time warping.
+
+    Both curves are resampled to ``count`` points equally spaced in arc length. Of all monotone matchings
+    from both starts to both ends, in steps (1, 0), (0, 1) and (1, 1), each of weight one, the one with the
+    smallest *sum* of distances is taken; returned is that sum divided by the number of matched pairs.
+
+    Args:
+        first: Shape (T, d).
+        second: Shape (U, d).
+        count: Points per resampled curve.
+
+    Returns:
+        In the unit of the positions; infinite if a curve diverged.
+
+    References:
+        Sakoe & Chiba 1978, symmetric steps with weight one; the mean over the path is a convention.
+    """
+    costs = _pairwise_distances(first, second, count)
+    if costs is None:
+        return np.inf
+    table = _alignment_table(costs, bottleneck=False)
+    return float(table[-1, -1] / _path_length(table))
+
+
+def frechet(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:
+    """Return the discrete Fréchet distance: the smallest leash for walking both curves without going back.
+
+    Both curves, shapes (T, d) and (U, d), are resampled to ``count`` points equally spaced in arc length.
+    Infinite if a curve diverged.
+
+    References:
+        Eiter & Mannila 1994, the recursion for the coupling measure.
+    """
+    costs = _pairwise_distances(first, second, count)
+    return np.inf if costs is None else float(_alignment_table(costs, bottleneck=True)[-1, -1])
+
+
+def swept_area(first: npt.ArrayLike, second: npt.ArrayLike, count: int = AREA_POINTS) -> float:
+    """Return the area of the strip between two curves, in the square of the unit of the positions.
+
+    Both curves, shapes (T, d) and (U, d), are resampled to ``count`` points equally spaced in arc length;
+    each quadrilateral between consecutive pairs of points counts as two triangles, in any dimension.
+    Curves on one line enclose no area, however far apart. Infinite if a curve diverged.
+
+    References:
+        Khansari-Zadeh & Billard 2014 (swept error area, planar); triangles in d dimensions are ours.
+    """
+    pair = _resampled(first, second, count)
+    if pair is None:
+        return np.inf
+    a, b = pair
+    return float(
+        _triangle_areas(a[1:] - a[:-1], b[:-1] - a[:-1]).sum()
+        + _triangle_areas(b[1:] - b[:-1], a[1:] - b[:-1]).sum()
+    )
+
+
+def velocity_rmse(predicted: npt.ArrayLike, observed: npt.ArrayLike) -> float:
+    """Return √mean‖v̂ − v‖² over samples (n, d), per second; per sample the norm counts, not per axis."""
+    difference = np.asarray(predicted, dtype=np.float64) - np.asarray(observed, dtype=np.float64)
+    return float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
+
+
+def relative_velocity_rmse(predicted: npt.ArrayLike, observed: npt.ArrayLike) -> float:
+    """Return ``velocity_rmse`` divided by the RMS speed that was observed. One: no better than resting.
+
+    Infinite if nothing moved.
+    """
+    speed = velocity_rmse(np.zeros_like(observed), observed)
+    return velocity_rmse(predicted, observed) / speed if speed > 0 else np.inf
+
+
+def end_error(positions: npt.ArrayLike, target: npt.ArrayLike) -> float:
+    """Return how far the last of the positions (T, d) lies from the target (d,)."""
+    return float(np.linalg.norm(_curve(positions)[-1] - np.asarray(target, dtype=np.float64)))
+
+
+def _resampled(
+    first: npt.ArrayLike, second: npt.ArrayLike, count: int
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return both curves with ``count`` points each, or None if one has diverged."""
+    a, b = _curve(first), _curve(second)
+    if a.shape[1] != b.shape[1]:
+        raise UsageError(f"curves: {a.shape[1]} and {b.shape[1]} dimensions cannot be compared.")
+    if not (np.abs(a).max() < DIVERGED and np.abs(b).max() < DIVERGED):  # false for NaN, too
+        return None
+    return resample_by_arc_length(a, count), resample_by_arc_length(b, count)
+
+
+def _pairwise_distances(first: npt.ArrayLike, second: npt.ArrayLike, count: int) -> FloatArray | None:
+    """Return the distances between all points of the resampled curves, (count, count); None as above."""
+    pair = _resampled(first, second, count)
+    return None if pair is None else np.asarray(np.linalg.norm(pair[0][:, None] - pair[1], axis=2))
+
+
+def _alignment_table(costs: FloatArray, *, bottleneck: bool) -> FloatArray:
+    """Return the cost of the best matching up to every pair of points, by anti-diagonals.
+
+    D(i, j) = C(i, j) + min(D(i−1, j−1), D(i−1, j), D(i, j−1)); ``bottleneck`` takes the larger of the two
+    terms instead of their sum. The entries of one anti-diagonal i + j depend on the two before alone, so
+    each anti-diagonal is one vector operation.
+
+    Args:
+        costs: C, shape (N, M).
+        bottleneck: See above.
+
+    Returns:
+        Shape (N + M, N + 1): entry [i + j + 1, i + 1] holds D(i, j); infinite outside the table.
+    """
+    rows, columns = costs.shape
+    join = np.maximum if bottleneck else np.add
+    skewed = np.full((rows, rows + columns), np.inf)
+    skewed[:, :columns] = costs
+    # Read with rows one shorter than they are, each row starts one place further right than the last.
+    diagonals = np.ascontiguousarray(skewed.ravel()[:-rows].reshape(rows, rows + columns - 1).T)
+    table = np.full((rows + columns, rows + 1), np.inf)
+    table[1, 1] = costs[0, 0]
+    for k in range(1, rows + columns - 1):
+        best = np.minimum(table[k, 1:], table[k, :-1])
+        np.minimum(best, table[k - 1, :-1], out=best)
+        join(best, diagonals[k], out=table[k + 1, 1:])
+    return table
+
+
+def _path_length(table: FloatArray) -> int:
+    """Return the number of pairs on the best matching of one alignment table (N + M, N + 1).
+
+    Of equally good predecessors the diagonal one is taken, then the one that stays on the second curve.
+    """
+    diagonal, row = table.shape[0] - 1, table.shape[1] - 1
+    length = 1
+    while diagonal > 1:
+        both, first, second = (
+            table[diagonal - 2, row - 1],
+            table[diagonal - 1, row - 1],
+            table[diagonal - 1, row],
+        )
+        if both <= first and both <= second:
+            diagonal, row = diagonal - 2, row - 1
+        elif first <= second:
+            diagonal, row = diagonal - 1, row - 1
+        else:
+            diagonal -= 1
+        length += 1
+    return length
+
+
+def _triangle_areas(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return the areas of the triangles spanned by edges u and v, (n, d): ½ √Σ_{i<j} (uᵢvⱼ − uⱼvᵢ)²."""
+    i, j = np.triu_indices(u.shape[1], k=1)  # Lagrange's identity: no cancellation in slivers
+    return np.asarray(0.5 * np.linalg.norm(u[:, i] * v[:, j] - u[:, j] * v[:, i], axis=1))
+
+
+def _curve(positions: npt.ArrayLike) -> FloatArray:
+    curve = np.asarray(positions, dtype=np.float64)
+    if curve.ndim != 2 or not curve.size:
+        raise UsageError(f"curve: expected positions of shape (T, d), got {curve.shape}.")
+    return curve
