@@ -1,1 +1,59 @@
-"""Skills on disk."""
+"""Skills on disk: sealed artifacts, and a store of their versions.
+
+Names are imported on first use, so that listing a store loads neither HDF5 nor pydantic.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skillctl.store.artifact import Artifact, label
+    from skillctl.store.files import write_file
+    from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
+    from skillctl.store.reader import decode, digest_of, read_skill
+    from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store, resolve
+    from skillctl.store.schema import DemonstrationReport, InputRecord, Operation, ParentRecord, Provenance
+    from skillctl.store.writer import encode
+
+_MODULES = {
+    "artifact": ("Artifact", "label"),
+    "files": ("write_file",),
+    "provenance": ("current_provenance", "input_fingerprint", "input_record"),
+    "reader": ("decode", "digest_of", "read_skill"),
+    "registry": ("Located", "Registry", "StoredVersion", "locate", "locate_store", "resolve"),
+    "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance"),
+    "writer": ("encode",),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [
+    "Artifact",
+    "DemonstrationReport",
+    "InputRecord",
+    "Located",
+    "Operation",
+    "ParentRecord",
+    "Provenance",
+    "Registry",
+    "StoredVersion",
+    "current_provenance",
+    "decode",
+    "digest_of",
+    "encode",
+    "input_fingerprint",
+    "input_record",
+    "label",
+    "locate",
+    "locate_store",
+    "read_skill",
+    "resolve",
+    "write_file",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,0 +1,173 @@
+"""The artifact: a skill with all that is known about it, and its form as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydantic import ValidationError
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import InvalidModelError, printable
+from skillctl.model import Demonstration, DemonstrationSet, Skill, StateSpace
+from skillctl.store.canonical import dump_canonical, load_strict
+from skillctl.store.errors import Refusal, require_format
+from skillctl.store.layout import META, Array, content_digest
+from skillctl.store.schema import (
+    MAX_LABEL,
+    DemonstrationReport,
+    Meta,
+    Operation,
+    Provenance,
+    State,
+    first_complaint,
+    parse_meta,
+)
+from skillctl.store.tree import model_arrays, node_of, skill_of
+
+
+@dataclass(frozen=True, eq=False)
+class Artifact:
+    """A skill, the demonstrations its leaves were taught by, and where it all comes from.
+
+    Attributes:
+        skill: The skill.
+        demonstrations: One set per leaf, None for a leaf that keeps none. Their velocities are not stored:
+            a reader derives them from the positions (``Demonstration.from_positions``).
+        operation: The command that made the skill.
+        provenance: Inputs, parents, versions.
+        reports: How well it repeats each demonstration.
+    """
+
+    skill: Skill
+    demonstrations: tuple[DemonstrationSet | None, ...]
+    operation: Operation
+    provenance: Provenance
+    reports: tuple[DemonstrationReport, ...] = ()
+
+    def __post_init__(self) -> None:
+        n_leaves = len(self.skill.leaves)
+        if len(self.demonstrations) != n_leaves:
+            raise InvalidModelError(
+                f"demonstrations: {len(self.demonstrations)} sets for a skill of {n_leaves} leaves."
+            )
+        for leaf, taught in enumerate(self.demonstrations):
+            if taught is not None and taught.space != self.skill.space:
+                raise InvalidModelError(
+                    f"demonstrations of leaf {leaf}: not in the state space of the skill."
+                )
+        for report in self.reports:
+            if report.leaf >= n_leaves:
+                raise InvalidModelError(f"report on {report.source}: there is no leaf {report.leaf}.")
+
+    @cached_property
+    def digest(self) -> str:
+        """The content digest, ``sha256:…``: one identity for one content."""
+        return content_digest(arrays_of(self))
+
+
+def arrays_of(artifact: Artifact) -> dict[str, Array]:
+    """Return the content of an artifact as arrays by path, ``meta.json`` among them.
+
+    Raises:
+        InvalidModelError: A text that the format does not allow, such as a name with control characters.
+    """
+    arrays: dict[str, Array] = {**model_arrays(artifact.skill), **_demonstration_arrays(artifact)}
+    text = dump_canonical(_meta_of(artifact).model_dump(mode="json"))
+    return {**arrays, META: np.frombuffer(text, dtype=np.uint8)}
+
+
+def artifact_of(arrays: Mapping[str, Array], name: str) -> Artifact:
+    """Return the artifact that ``arrays`` hold.
+
+    Raises:
+        ArtifactError: Metadata of another format version.
+        Refusal, InvalidModelError, InputDataError: Contents that break a rule of the format.
+    """
+    for path, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise Refusal(f"/{path}: must be finite")
+    meta = _load_meta(arrays[META], name)
+    space = StateSpace(meta.state.names, meta.state.unit, meta.state.frame, meta.state.kind)
+    d = arrays["model/means"].shape[1]
+    if space.dimension != d or len(set(space.names)) != d:
+        raise Refusal(f"/meta.json: state.names: expected {d} different names")
+    skill = skill_of(meta.skill, arrays, space)
+    demonstrations = _demonstrations_of(arrays, meta.demonstrations, len(skill.leaves), space)
+    artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports)
+    # The file's own digest counts: a build that writes more metadata would compute another one.
+    artifact.__dict__["digest"] = content_digest(arrays)
+    return artifact
+
+
+def _load_meta(stored: Array, name: str) -> Meta:
+    try:
+        value = load_strict(stored.tobytes())
+    except Refusal as reason:
+        raise Refusal(f"/{META}: {reason}") from None
+    if not isinstance(value, dict):
+        raise Refusal(f"/{META}: not an object")
+    require_format(name, value.get("format"))
+    return parse_meta(value)
+
+
+def _meta_of(artifact: Artifact) -> Meta:
+    space = artifact.skill.space
+    try:
+        return Meta(
+            skill=node_of(artifact.skill),
+            state=State(names=space.names, unit=space.unit, frame=space.frame, kind=space.kind),
+            operation=artifact.operation,
+            demonstrations=tuple(label(d.source) for _, d in _numbered(artifact)),
+            reports=artifact.reports,
+            provenance=artifact.provenance,
+        )
+    except ValidationError as error:
+        raise InvalidModelError(f"this skill cannot be stored: {first_complaint(error)}.") from error
+
+
+def label(text: str) -> str:
+    """Return ``text`` as metadata may hold it: printable, and its end if it is too long."""
+    return printable(text)[-MAX_LABEL:]
+
+
+def _numbered(artifact: Artifact) -> list[tuple[int, Demonstration]]:
+    """Return every demonstration with the index of its leaf."""
+    return [(leaf, d) for leaf, taught in enumerate(artifact.demonstrations) for d in taught or ()]
+
+
+def _demonstration_arrays(artifact: Artifact) -> dict[str, Array]:
+    numbered = _numbered(artifact)
+    if not numbered:
+        return {}
+    return {
+        "demonstrations/positions": np.concatenate([d.positions for _, d in numbered]),
+        "demonstrations/times": np.concatenate([d.times for _, d in numbered]),
+        "demonstrations/offsets": np.cumsum([0] + [d.times.size for _, d in numbered], dtype=np.int64),
+        "demonstrations/part": np.array([leaf for leaf, _ in numbered], dtype=np.int64),
+    }
+
+
+def _demonstrations_of(
+    arrays: Mapping[str, Array], sources: tuple[str, ...], n_leaves: int, space: StateSpace
+) -> tuple[DemonstrationSet | None, ...]:
+    if "demonstrations/part" not in arrays:
+        if sources:
+            raise Refusal("/meta.json: demonstrations: the file holds none")
+        return (None,) * n_leaves
+    offsets, part = arrays["demonstrations/offsets"], arrays["demonstrations/part"]
+    positions: FloatArray = arrays["demonstrations/positions"]
+    times: FloatArray = arrays["demonstrations/times"]
+    if offsets[0] != 0 or offsets[-1] != len(times) or (offsets[1:] <= offsets[:-1]).any():
+        raise Refusal("/demonstrations/offsets: must rise from 0 to the number of samples")
+    if part[0] < 0 or part[-1] >= n_leaves or (part[1:] < part[:-1]).any():
+        raise Refusal(f"/demonstrations/part: must be leaf numbers below {n_leaves}, in order")
+    if len(sources) != len(part):
+        raise Refusal(f"/meta.json: demonstrations: expected {len(part)} sources")
+    taught: list[list[Demonstration]] = [[] for _ in range(n_leaves)]
+    for index, (leaf, source) in enumerate(zip(part, sources, strict=True)):
+        rows = slice(offsets[index], offsets[index + 1])
+        taught[leaf].append(Demonstration.from_positions(times[rows], positions[rows], source))
+    return tuple(DemonstrationSet(tuple(members), space) if members else None for members in taught)

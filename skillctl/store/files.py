@@ -1,0 +1,118 @@
+"""Files read once, and files written whole or not at all."""
+
+from __future__ import annotations
+
+import difflib
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from skillctl.errors import NotFoundError, StoreError, printable
+from skillctl.store.errors import NotAnArtifactError
+
+
+def read_once(path: Path, limit: int) -> bytes:
+    """Return all bytes of a regular file, opened and read once; nothing is looked at twice.
+
+    Raises:
+        NotFoundError: There is no such file.
+        NotAnArtifactError: A link, directory, pipe, device, or larger than ``limit`` bytes.
+        StoreError: The system does not let us read it.
+    """
+    # A link may point anywhere, and opening a pipe would wait for its writer.
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(path, flags)
+    except OSError as error:
+        raise _cannot_open(path, error) from error
+    with system_errors(f"read {path}"), os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise NotAnArtifactError(str(path), "not a regular file")
+        if status.st_size > limit:
+            raise NotAnArtifactError(str(path), f"{status.st_size >> 20} MiB; artifacts end at {limit >> 20}")
+        return file.read(limit + 1)
+
+
+def _cannot_open(path: Path, error: OSError) -> Exception:
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return missing_file(path)
+    if error.errno == errno.ELOOP:
+        return NotAnArtifactError(
+            str(path), "a symbolic link", hint="Name the file itself; `realpath` prints where the link leads."
+        )
+    if error.errno in (errno.ENXIO, errno.ENODEV):
+        return NotAnArtifactError(str(path), "not a regular file")
+    return _store_error(f"read {path}", error)
+
+
+def missing_file(path: Path) -> NotFoundError:
+    """Return the error for a file that does not exist, with files of similar names as hint."""
+    siblings: list[str] = []
+    with suppress(OSError):
+        siblings = [entry.name for entry in os.scandir(path.parent)]
+    near = difflib.get_close_matches(path.name, siblings, n=2)
+    hint = f"Did you mean {' or '.join(str(path.parent / name) for name in near)}?" if near else ""
+    return NotFoundError(
+        f"{printable(str(path))}: there is no such file.", hint=printable(hint) or "Check the path."
+    )
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Make ``path`` a file with these bytes: afterwards it is old or new, whole, and nothing else is left.
+
+    Raises:
+        StoreError: Not a place for a file, no permission, no space.
+    """
+    path = Path(path)
+    with system_errors(f"write {path}"):
+        if path.exists() and not path.is_file():  # replacing /dev/null would break the machine
+            raise StoreError(
+                f"{printable(str(path))} exists and is not a regular file.",
+                hint="Name a file that can be replaced.",
+            )
+        temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+        try:
+            with temporary.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        except BaseException:  # Ctrl-C must leave nothing behind either
+            with suppress(OSError):
+                temporary.unlink()
+            raise
+
+
+@contextmanager
+def system_errors(action: str) -> Iterator[None]:
+    """Turn an OSError into a StoreError that says what could not be done, and why."""
+    try:
+        yield
+    except OSError as error:
+        raise _store_error(action, error) from error
+
+
+_HINTS = {
+    errno.ENOENT: "Create the directory first (`mkdir -p`).",
+    errno.ENOTDIR: "A file stands where a directory is needed.",
+    errno.EACCES: "Check the permissions of the file and its directory.",
+    errno.EPERM: "Check the permissions of the file and its directory.",
+    errno.EROFS: "Choose a place that can be written to.",
+    errno.ENOSPC: "Free some space; nothing was changed.",
+    errno.EDQUOT: "Your disk quota is used up; nothing was changed.",
+    errno.EFBIG: "The limit on file sizes (`ulimit -f`) is too small; nothing was changed.",
+    errno.ENAMETOOLONG: "Choose a shorter name.",
+}
+
+
+def _store_error(action: str, error: OSError) -> StoreError:
+    cause = error.strerror or str(error)
+    return StoreError(
+        f"cannot {printable(action)}: {printable(cause)}.",
+        hint=_HINTS.get(error.errno or 0, "Check the path and the disk."),
+    )

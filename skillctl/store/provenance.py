@@ -1,0 +1,87 @@
+"""Where a skill comes from, as it is recorded."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import skillctl
+from skillctl.errors import UsageError
+from skillctl.store.artifact import label
+from skillctl.store.canonical import dump_canonical
+from skillctl.store.schema import InputRecord, Operation, ParentRecord, Provenance
+
+# Those that compute the numbers. HDF5 is not one of them: the content does not depend on it.
+LIBRARIES = ("numpy", "scipy")
+
+
+def input_record(path: Path, sha256: str, importer: str) -> InputRecord:
+    """Return the record of a file: its path as given, or its name alone where that is absolute or leads up.
+
+    So the record names no user and no machine, and is the same wherever the command was started.
+    """
+    as_given = Path(os.path.normpath(path))
+    inside = not as_given.is_absolute() and ".." not in as_given.parts
+    return InputRecord(
+        path=label((as_given if inside else Path(as_given.name)).as_posix()),
+        sha256=sha256,
+        importer=label(importer),
+    )
+
+
+def current_provenance(
+    *, inputs: Iterable[InputRecord] = (), parents: Iterable[ParentRecord] = ()
+) -> Provenance:
+    """Return the provenance of a skill made now, by this build.
+
+    Raises:
+        UsageError: SOURCE_DATE_EPOCH is set, but is not a number of seconds.
+    """
+    return Provenance(
+        inputs=tuple(inputs),
+        parents=tuple(parents),
+        tool=skillctl.__version__,
+        libraries={name: installed for name in LIBRARIES if (installed := _installed_version(name))},
+        date=_date(os.environ.get("SOURCE_DATE_EPOCH", "")),
+    )
+
+
+def input_fingerprint(operation: Operation, provenance: Provenance) -> str:
+    """Return one SHA-256 over everything that decides a result before it is computed.
+
+    Two artifacts with equal fingerprints come from the same command, options, seed, bytes of the inputs
+    (wherever they lie), parents and version of skillctl: making the second is not needed.
+    """
+    decides = {
+        "command": operation.command,
+        "options": operation.model_dump(mode="json")["options"],
+        "seed": operation.seed,
+        "inputs": [[record.sha256, record.importer] for record in provenance.inputs],
+        "parents": [[record.digest, record.role] for record in provenance.parents],
+        "tool": provenance.tool,
+    }
+    return hashlib.sha256(dump_canonical(decides)).hexdigest()
+
+
+def _installed_version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _date(epoch: str) -> str | None:
+    if not epoch:
+        return None
+    try:
+        moment = datetime.fromtimestamp(int(epoch), tz=timezone.utc)
+    except (ValueError, OverflowError, OSError):
+        raise UsageError(
+            f"SOURCE_DATE_EPOCH: expected a whole number of seconds, got {epoch[:40]!r}.",
+            hint="Unset it, or use the output of `date +%s`.",
+        ) from None
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -1,0 +1,81 @@
+"""The one place that opens HDF5 to read skills. It trusts nothing that a file says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from skillctl.errors import ArtifactError, InputDataError, InvalidModelError
+from skillctl.store.artifact import Artifact, artifact_of
+from skillctl.store.errors import InvalidArtifactError, Refusal
+from skillctl.store.files import read_once
+from skillctl.store.hdf5 import h5py
+from skillctl.store.layout import MAX_FILE_BYTES, Array, content_digest
+from skillctl.store.policy import checked_datasets
+from skillctl.store.seal import require_seal
+
+
+def read_skill(path: Path) -> Artifact:
+    """Return the artifact in a file.
+
+    Raises:
+        NotFoundError: There is no such file.
+        StoreError: The system does not let us read it.
+        ArtifactError: It is not an intact artifact of a format this build reads; see ``store.errors``.
+    """
+    return decode(read_once(path, MAX_FILE_BYTES), str(path))
+
+
+def decode(data: bytes, name: str = "artifact") -> Artifact:
+    """Return the artifact that ``encode`` made these bytes of; ``name`` is for messages.
+
+    Raises:
+        ArtifactError: Anything is not as the format demands.
+    """
+    arrays = read_arrays(data, name)
+    with _refusing(name):
+        return artifact_of(arrays, name)
+
+
+def digest_of(data: bytes, name: str = "artifact") -> str:
+    """Return the content digest of an artifact's bytes, after all checks but those of the model.
+
+    Raises:
+        ArtifactError: Damaged, or a layout that the format does not allow.
+    """
+    return content_digest(read_arrays(data, name))
+
+
+def read_arrays(data: bytes, name: str) -> dict[str, Array]:
+    """Return the arrays of an artifact by path: seal first, then every rule, then the numbers.
+
+    Raises:
+        ArtifactError: Damaged, or a layout that the format does not allow.
+    """
+    require_seal(data, name)
+    with _refusing(name), h5py.File(BytesIO(data), "r") as file:
+        return {path: _read(dataset) for path, dataset in checked_datasets(file.id, name).items()}
+
+
+def _read(dataset: h5py.h5d.DatasetID) -> Array:
+    array = np.empty(dataset.shape, dataset.dtype)
+    dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, array)
+    return array
+
+
+@contextmanager
+def _refusing(name: str) -> Iterator[None]:
+    try:
+        # Numbers near the limits of float64 are refused by what they lead to, not announced on stderr.
+        with np.errstate(all="ignore"):
+            yield
+    except ArtifactError:
+        raise
+    except (Refusal, InvalidModelError, InputDataError) as error:
+        raise InvalidArtifactError(name, str(error).rstrip(".")) from error
+    except Exception as error:  # h5py raises seven types of exception on contents it cannot read
+        raise InvalidArtifactError(name, f"HDF5 cannot read it ({error!r:.200})") from error

@@ -1,0 +1,70 @@
+"""How skills are named: a file, or a name in the store with a version."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from skillctl.errors import UsageError, printable
+
+MAX_VERSION = 999_999
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
+_VERSION = re.compile(r"[1-9][0-9]{0,5}")
+_DIGEST = re.compile(r"sha256:[0-9a-f]{8,64}")
+_WORD = re.compile(r"[a-z][a-z0-9._-]{0,63}")
+
+EXAMPLES = "A skill is named path/to/file.h5, name, name@3, name@latest or name@sha256:0123abcd."
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A skill of the store: its name, and which version.
+
+    Attributes:
+        name: Directory of the skill in the store.
+        selector: A version number, the beginning of a content digest (``sha256:…``), or a word.
+    """
+
+    name: str
+    selector: int | str = "latest"
+
+
+def is_name(text: str) -> bool:
+    """Tell whether a skill can be called so."""
+    return _NAME.fullmatch(text) is not None and not text.endswith(".h5")
+
+
+def require_name(name: str) -> str:
+    """Return ``name`` if a skill can be called so, or raise UsageError."""
+    if not is_name(name):
+        raise UsageError(
+            f"{printable(name)[:80]!r} cannot name a skill.",
+            hint="Use up to 64 of a-z, 0-9, '.', '_' and '-', first a letter or digit, not ending in .h5.",
+        )
+    return name
+
+
+def parse_reference(text: str) -> Path | Reference:
+    """Return the file or the skill of the store that ``text`` names.
+
+    A text with a slash, or ending in ``.h5``, names a file.
+
+    Raises:
+        UsageError: It can be neither.
+    """
+    if "\0" in text:
+        raise UsageError("a reference to a skill must not contain NUL.", hint=EXAMPLES)
+    if "/" in text or text.endswith(".h5"):
+        return Path(text)
+    name, at, selector = text.partition("@")
+    if not is_name(name):
+        raise UsageError(f"{printable(text)[:80]!r} cannot name a skill.", hint=EXAMPLES)
+    if not at:
+        return Reference(name)
+    if _VERSION.fullmatch(selector):
+        return Reference(name, int(selector))
+    if _DIGEST.fullmatch(selector) or _WORD.fullmatch(selector):
+        return Reference(name, selector)
+    raise UsageError(f"{printable(text)[:80]!r}: no version can be named like that.", hint=EXAMPLES)

@@ -1,0 +1,200 @@
+"""meta.json: what an artifact says about its arrays, checked before any of it is believed."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from skillctl.errors import printable
+from skillctl.model.skill import CombineGate, MergeGate
+from skillctl.store.errors import Refusal
+from skillctl.store.layout import FORMAT_VERSION
+
+MAX_LABEL = 200
+
+
+class Strict(BaseModel):
+    """Frozen; nothing missing, nothing extra, no value of a similar type, no NaN or infinity."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def _is_printable(text: str) -> str:
+    if printable(text) != text:
+        raise ValueError("must not contain control characters")
+    return text
+
+
+def _is_relative(path: str) -> str:
+    if path.startswith(("/", "\\")) or re.match("[A-Za-z]:", path) or ".." in re.split(r"[/\\]", path):
+        raise ValueError("must be a relative path that does not lead upwards")
+    return path
+
+
+Label = Annotated[str, Field(max_length=MAX_LABEL), AfterValidator(_is_printable)]
+Name = Annotated[Label, Field(min_length=1)]
+RelativePath = Annotated[Name, AfterValidator(_is_relative)]
+Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}\z")]
+ContentDigest = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}\z")]
+Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ\z")]
+Count = Annotated[int, Field(ge=0, lt=2**63)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+# JSON has one kind of list; strict tuples would refuse it. What is inside stays strict.
+Range = Annotated[tuple[Count, Count], Field(strict=False)]  # first index, and one past the last
+Weights = Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+Scalar = bool | Annotated[int, Field(ge=-(2**63), lt=2**63)] | float | Label | None
+Value = Scalar | Annotated[tuple[Scalar, ...], Field(strict=False)]
+Facts = dict[Key, Value]
+
+
+class SedsNode(Strict):
+    """A SEDS skill: which rows of the stacked arrays are its own."""
+
+    kind: Literal["seds"] = "seds"
+    leaf: Count
+    components: Range
+    density: Range
+    speed: Positive
+
+
+class MergedNode(Strict):
+    """Skills that act together; see ``skillctl.model.MergedSkill``."""
+
+    kind: Literal["merged"] = "merged"
+    parts: Parts
+    part_weights: Weights
+    gate: MergeGate
+    sharpness: Annotated[float, Field(ge=1)]
+    speed: Positive
+
+
+class CombinedNode(Strict):
+    """Skills of which one acts at a time; see ``skillctl.model.CombinedSkill``."""
+
+    kind: Literal["combined"] = "combined"
+    parts: Parts
+    part_priors: Weights
+    gate: CombineGate
+    disturbance_distance: Positive
+    speed: Positive
+
+
+PartNode = Annotated[SedsNode | MergedNode, Field(discriminator="kind")]
+Parts = Annotated[tuple[PartNode, ...], Field(strict=False, min_length=1)]
+Node = Annotated[SedsNode | MergedNode | CombinedNode, Field(discriminator="kind")]
+
+
+class State(Strict):
+    """What the numbers of a state mean; see ``skillctl.model.StateSpace``."""
+
+    names: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
+    unit: Literal["m", "rad"]
+    frame: Name
+    kind: Literal["euclidean"]
+
+
+class Operation(Strict):
+    """The command that made the skill.
+
+    Attributes:
+        command: Which one.
+        options: Every option that influenced the result, by its long name with underscores.
+        seed: Of all random numbers; None where none were drawn.
+        results: What came out, for people and reports: errors, iterations, warnings.
+    """
+
+    command: Literal["learn", "merge", "combine"]
+    options: Facts = {}
+    seed: Count | None = None
+    results: Facts = {}
+
+
+class DemonstrationReport(Strict):
+    """How well the skill repeats one demonstration; None where a figure was not computed.
+
+    Attributes:
+        source: Where the demonstration came from.
+        leaf: Which SEDS skill of the tree was taught by it.
+        n_points: Samples used.
+        duration: [s].
+        velocity_rmse: Root mean square of the velocity error along it, [unit/s].
+        dtw: Mean distance after dynamic time warping of its rollout, [unit].
+        end_error: Distance of the rollout's end from the attractor, [unit].
+        arrived: Whether the rollout reached the attractor.
+    """
+
+    source: Label
+    leaf: Count
+    n_points: Annotated[int, Field(ge=2, lt=2**63)]
+    duration: Positive
+    velocity_rmse: NotNegative | None = None
+    dtw: NotNegative | None = None
+    end_error: NotNegative | None = None
+    arrived: bool | None = None
+
+
+class InputRecord(Strict):
+    """A file that was read: its path (relative), the SHA-256 of its bytes, and who read it."""
+
+    path: RelativePath
+    sha256: Sha256
+    importer: Name
+
+
+class ParentRecord(Strict):
+    """A skill this one was made from: how it was named, its version and identity, and its role."""
+
+    name: Name
+    version: Annotated[int, Field(ge=1, lt=10**6)] | None = None
+    digest: ContentDigest
+    role: Name
+
+
+class Provenance(Strict):
+    """Where a skill comes from: no host, no user, no absolute path; a date only if one was set.
+
+    Attributes:
+        inputs: Files read, in the order given.
+        parents: Skills used, in the order given.
+        tool: Version of skillctl.
+        libraries: Versions of the libraries that computed the numbers.
+        date: From SOURCE_DATE_EPOCH, UTC.
+    """
+
+    inputs: Annotated[tuple[InputRecord, ...], Field(strict=False)] = ()
+    parents: Annotated[tuple[ParentRecord, ...], Field(strict=False)] = ()
+    tool: Name
+    libraries: dict[Name, Name] = {}
+    date: Date | None = None
+
+
+class Meta(Strict):
+    """The whole of meta.json."""
+
+    format: Literal[1] = FORMAT_VERSION
+    skill: Node
+    state: State
+    operation: Operation
+    demonstrations: Annotated[tuple[Label, ...], Field(strict=False)] = ()  # source of each
+    reports: Annotated[tuple[DemonstrationReport, ...], Field(strict=False)] = ()
+    provenance: Provenance
+
+
+def parse_meta(value: Any) -> Meta:
+    """Return the checked metadata, or raise Refusal naming the first field that is wrong."""
+    try:
+        return Meta.model_validate(value)
+    except ValidationError as error:
+        raise Refusal(f"/meta.json: {first_complaint(error)}") from None
+
+
+def first_complaint(error: ValidationError) -> str:
+    """Return where and why validation failed first, without quoting the value."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    where = ".".join(str(step) for step in first["loc"])
+    return f"{where[:MAX_LABEL]}: {first['msg'][:MAX_LABEL]}" if where else first["msg"]

@@ -1,0 +1,145 @@
+"""The skill tree as nodes and stacked arrays, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import InvalidModelError
+from skillctl.model import CombinedSkill, GaussianMixture, MergedSkill, SedsSkill, Skill, StateSpace
+from skillctl.store.errors import Refusal
+from skillctl.store.schema import CombinedNode, MergedNode, Node, SedsNode
+
+MAX_TREE_DEPTH = 16  # merged skills of merged skills of …
+
+COMPONENT_ARRAYS = ("priors", "means", "covariances", "system_matrices", "residual_covariances")
+DENSITY_ARRAYS = ("priors", "means", "covariances")
+
+
+def model_arrays(skill: Skill) -> dict[str, FloatArray]:
+    """Return the arrays of all leaves, stacked from left to right, by their path in the artifact."""
+    leaves = skill.leaves
+    arrays = {
+        f"model/{name}": np.concatenate([getattr(leaf, name) for leaf in leaves]) for name in COMPONENT_ARRAYS
+    }
+    for name in DENSITY_ARRAYS:
+        arrays[f"model/density_{name}"] = np.concatenate([getattr(leaf.density, name) for leaf in leaves])
+    arrays["model/attractors"] = np.stack([leaf.attractor for leaf in leaves])
+    arrays["model/lyapunov"] = np.stack([leaf.lyapunov for leaf in leaves])
+    return arrays
+
+
+class _Cursor:
+    """The next leaf, component and density component, counted from left to right."""
+
+    def __init__(self) -> None:
+        self.leaf = self.component = self.density = 0
+
+    def advance(self, n_components: int, n_density: int) -> SedsNodeRanges:
+        """Return leaf index, component range and density range of the next leaf."""
+        ranges = (
+            self.leaf,
+            (self.component, self.component + n_components),
+            (self.density, self.density + n_density),
+        )
+        self.leaf, self.component, self.density = self.leaf + 1, ranges[1][1], ranges[2][1]
+        return ranges
+
+
+SedsNodeRanges = tuple[int, tuple[int, int], tuple[int, int]]
+
+
+def node_of(skill: Skill) -> Node:
+    """Return the tree of a skill: everything about it that is not in ``model_arrays``."""
+    return _node(skill, _Cursor())
+
+
+def _node(skill: Skill, cursor: _Cursor) -> Node:
+    if isinstance(skill, SedsSkill):
+        leaf, components, density = cursor.advance(skill.n_components, skill.density.n_components)
+        return SedsNode(leaf=leaf, components=components, density=density, speed=float(skill.speed))
+    parts: Any = tuple(_node(part, cursor) for part in skill.parts)
+    if isinstance(skill, MergedSkill):
+        return MergedNode(
+            parts=parts,
+            part_weights=tuple(skill.part_weights.tolist()),
+            gate=skill.gate,
+            sharpness=float(skill.sharpness),
+            speed=float(skill.speed),
+        )
+    return CombinedNode(
+        parts=parts,
+        part_priors=tuple(skill.part_priors.tolist()),
+        gate=skill.gate,
+        disturbance_distance=float(skill.disturbance_distance),
+        speed=float(skill.speed),
+    )
+
+
+def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: StateSpace) -> Skill:
+    """Return the skill of a tree and its stacked arrays.
+
+    Raises:
+        Refusal: The tree is too deep, or its ranges do not cover all rows exactly once, in order.
+        InvalidModelError: The numbers do not form a skill.
+    """
+    _require_tiling(node, arrays)
+    return _skill(node, arrays, space)
+
+
+def _require_tiling(node: Node, arrays: Mapping[str, FloatArray]) -> None:
+    cursor = _Cursor()
+    for leaf in _leaves(node, 1):
+        (k0, k1), (m0, m1) = leaf.components, leaf.density
+        stated = (leaf.leaf, leaf.components, leaf.density)
+        if k1 <= k0 or m1 <= m0 or cursor.advance(k1 - k0, m1 - m0) != stated:
+            raise Refusal(
+                f"/meta.json: skill: leaf {leaf.leaf} does not continue where the one before it ends"
+            )
+    counted = (cursor.leaf, cursor.component, cursor.density)
+    stored = tuple(len(arrays[f"model/{name}"]) for name in ("attractors", "priors", "density_priors"))
+    if counted != stored:
+        raise Refusal(
+            f"/meta.json: skill: its leaves, components and density components number {counted}, "
+            f"but the arrays hold {stored}"
+        )
+
+
+def _leaves(node: Node, depth: int) -> Iterator[SedsNode]:
+    if depth > MAX_TREE_DEPTH:
+        raise Refusal(f"/meta.json: skill: parts nested more than {MAX_TREE_DEPTH} deep")
+    if isinstance(node, SedsNode):
+        yield node
+    else:
+        for part in node.parts:
+            yield from _leaves(part, depth + 1)
+
+
+def _skill(node: Node, arrays: Mapping[str, FloatArray], space: StateSpace) -> Skill:
+    if isinstance(node, SedsNode):
+        return _seds_skill(node, arrays, space)
+    parts: Any = tuple(_skill(part, arrays, space) for part in node.parts)
+    if isinstance(node, MergedNode):
+        weights = np.array(node.part_weights)
+        return MergedSkill(parts, weights, node.gate, node.sharpness, node.speed)
+    priors = np.array(node.part_priors)
+    return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)
+
+
+def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: StateSpace) -> SedsSkill:
+    rows, density_rows = slice(*node.components), slice(*node.density)
+    try:
+        density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
+        return SedsSkill(
+            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
+            attractor=arrays["model/attractors"][node.leaf],
+            lyapunov=arrays["model/lyapunov"][node.leaf],
+            density=density,
+            space=space,
+            speed=node.speed,
+        )
+    except InvalidModelError as error:
+        raise InvalidModelError(f"leaf {node.leaf}: {error}") from error

@@ -1,0 +1,52 @@
+"""An artifact as bytes: the same content gives the same bytes, in any process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from io import BytesIO
+
+import numpy as np
+
+from skillctl.errors import StoreError
+from skillctl.store.artifact import Artifact, arrays_of
+from skillctl.store.errors import Refusal
+from skillctl.store.hdf5 import h5py
+from skillctl.store.layout import ARRAYS, FORMAT_MARK, MAX_FILE_BYTES, Array, require_layout
+from skillctl.store.seal import SEAL_BYTES, seal
+
+
+def encode(artifact: Artifact) -> bytes:
+    """Return the sealed file of an artifact.
+
+    Raises:
+        InvalidModelError: A text that the format does not allow.
+        StoreError: Larger than an artifact may be.
+    """
+    arrays = arrays_of(artifact)
+    try:
+        require_layout({path: array.shape for path, array in arrays.items()})
+    except Refusal as reason:
+        raise _too_large(str(reason)) from None
+    data = encode_arrays(arrays)
+    if len(data) > MAX_FILE_BYTES:
+        raise _too_large(f"{len(data) >> 20} MiB")
+    return data
+
+
+def encode_arrays(arrays: Mapping[str, Array]) -> bytes:
+    """Return the sealed file that holds ``arrays``, by path."""
+    file = BytesIO()
+    # "earliest" is what every HDF5 tool in use reads; objects in one order, without times, give one result.
+    with h5py.File(file, "w", userblock_size=SEAL_BYTES, libver="earliest") as body:
+        body.attrs.create("format", np.bytes_(FORMAT_MARK))
+        for path in sorted(arrays):
+            body.create_dataset(path, data=arrays[path].astype(ARRAYS[path].dtype), track_times=False)
+    stored = file.getvalue()[SEAL_BYTES:]
+    return seal(stored) + stored
+
+
+def _too_large(what: str) -> StoreError:
+    return StoreError(
+        f"this skill is too large for an artifact: {what}.",
+        hint="Keep fewer demonstrations in it, or use fewer components.",
+    )
