@@ -1,1 +1,19 @@
-"""Skills from skills."""
+"""Skills made from skills: merge, combine, and the common Lyapunov matrix that proves a merger."""
+
+from skillctl.compose.combine import PartCoverage, combine, coverage
+from skillctl.compose.lyapunov import common_lyapunov, common_lyapunov_of, conflicting_parts, with_lyapunov
+from skillctl.compose.merge import NoCommonLyapunovError, merge
+from skillctl.compose.parts import notes_on
+
+__all__ = [
+    "NoCommonLyapunovError",
+    "PartCoverage",
+    "combine",
+    "common_lyapunov",
+    "common_lyapunov_of",
+    "conflicting_parts",
+    "coverage",
+    "merge",
+    "notes_on",
+    "with_lyapunov",
+]

@@ -9,6 +9,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, frozen_array, require_simplex, require_spd
 
 BLOCK = 4096  # states evaluated together: their features and weights stay in the second-level cache
+FARTHEST = 1e100  # squares of larger offsets would overflow; beyond it the direction alone still decides
 
 
 def quadratic_coefficients(
@@ -35,8 +36,14 @@ def quadratic_coefficients(
 
 
 def quadratic_features(offsets: FloatArray) -> FloatArray:
-    """Return the rows 1, e_i, e_i e_j (i ≤ j) for offsets e of shape (d, n). Shape (F, n)."""
+    """Return the rows 1, e_i, e_i e_j (i ≤ j) for offsets e of shape (d, n). Shape (F, n).
+
+    An offset with a coordinate beyond ``FARTHEST`` counts as the one in the same direction at that limit,
+    so that the weights stay finite at any distance.
+    """
     d, n = offsets.shape
+    if np.abs(offsets).max(initial=0.0) > FARTHEST:
+        offsets = offsets * (FARTHEST / np.maximum(np.abs(offsets).max(axis=0), FARTHEST))
     features = np.empty((1 + d + d * (d + 1) // 2, n))
     features[0] = 1.0
     features[1 : d + 1] = offsets

@@ -1,0 +1,166 @@
+"""Combine: several skills of which one alone acts at any time, each in its own region (Section 3.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray
+from skillctl.compose.lyapunov import with_lyapunov
+from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
+from skillctl.errors import UsageError
+from skillctl.model.contraction import contraction_periods
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import (
+    COMBINE_GATES,
+    CombinedSkill,
+    CombineGate,
+    MergedSkill,
+    SedsSkill,
+    Skill,
+)
+
+DISTURBANCE_SHARE = 0.05  # of the smallest part's extent: more than tracking errors, less than a push
+DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
+STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
+
+
+def combine(
+    parts: Sequence[Skill],
+    *,
+    part_priors: npt.ArrayLike | None = None,
+    gate: CombineGate = "latched",
+    align: bool = False,
+    target: npt.ArrayLike | None = None,
+    disturbance_distance: float | None = None,
+    lyapunov: FloatArray | None = None,
+) -> CombinedSkill:
+    """Return one skill with a region of influence per part: where βᵢ pᵢ(ξ) is largest, part i acts.
+
+    Combined skills among the parts are taken apart: their priors multiply by the prior of the whole, their
+    speed by that of each part, and the new gate holds for all.
+
+    Args:
+        parts: Two or more skills in one state space.
+        part_priors: βᵢ > 0 up to a common factor, one per given part; equal by default.
+        gate: ``latched``: chosen at the start and after a disturbance. ``instantaneous``: at every instant;
+            with several attractors nothing global is proved of it.
+        align: Move all parts to one attractor; then the start relative to it decides which part acts.
+        target: That attractor (d,); by default the mean of the parts' attractors, weighted by β.
+        disturbance_distance: How far the state has to jump for a new choice, in the unit of the space; by
+            default ``DISTURBANCE_SHARE`` of the smallest part's extent.
+        lyapunov: Common P (d, d) for all parts, which proves an instantaneous gate with one attractor.
+
+    Raises:
+        UsageError: Fewer than two parts, different spaces, or options out of range or without effect.
+
+    References:
+        Section 3.2 of the paper; A. Shukla & A. Billard, Robotics and Autonomous Systems 60(3) (2012)
+        for distinct attractors. The latched gate and its guarantee are ours.
+    """
+    require_compatible(parts, "combine")
+    outer = normalised("part priors", part_priors, len(parts))
+    members, priors = _flattened(parts, outer)
+    if gate not in COMBINE_GATES:
+        raise UsageError(f"gate: one of {', '.join(COMBINE_GATES)}, not {gate!r}.")
+    if target is not None and not align:
+        raise UsageError("target: the skills keep their own attractors.", hint="Add --align.")
+    if align:
+        members = on_one_attractor(members, priors, target)
+    if lyapunov is not None:
+        members = tuple(with_lyapunov(part, lyapunov) for part in members)
+    if disturbance_distance is None:
+        disturbance_distance = DISTURBANCE_SHARE * min(_extent(part) for part in members)
+    elif not (math.isfinite(disturbance_distance) and disturbance_distance > 0):
+        raise UsageError(f"disturbance distance: must be positive, got {disturbance_distance:g}.")
+    return CombinedSkill(members, priors, gate, disturbance_distance)
+
+
+def _flattened(
+    parts: Sequence[Skill], priors: FloatArray
+) -> tuple[tuple[SedsSkill | MergedSkill, ...], FloatArray]:
+    """Return the parts with combined skills replaced by their own parts, and the priors to go with them."""
+    members: list[SedsSkill | MergedSkill] = []
+    weights: list[float] = []
+    for part, prior in zip(parts, priors.tolist(), strict=True):
+        if isinstance(part, CombinedSkill):
+            members += [replace(inner, speed=inner.speed * part.speed) for inner in part.parts]
+            weights += (prior * part.part_priors).tolist()
+        else:
+            members.append(part)
+            weights.append(prior)
+    return tuple(members), normalised("part priors", weights, len(weights))
+
+
+def _extent(part: SedsSkill | MergedSkill) -> float:
+    """Return the diagonal of the box two standard deviations around the part's data, in its unit."""
+    density = part.density
+    reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
+    low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
+    return float(np.linalg.norm(high - low))
+
+
+@dataclass(frozen=True, slots=True)
+class PartCoverage:
+    """How well a combined skill keeps what one of its parts was taught.
+
+    Attributes:
+        part: Counted from 1.
+        demonstrations: Number of embedded demonstrations.
+        selected: Share whose start selects this part.
+        kept: Share whose start selects it and whose motion ends at its attractor.
+    """
+
+    part: int
+    demonstrations: int
+    selected: float
+    kept: float
+
+
+def coverage(
+    skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
+) -> tuple[PartCoverage, ...]:
+    """Return, for each part, how many of its demonstrations still start and end in it.
+
+    A demonstration is a motion relative to its own end point, so it is laid out from where the part's
+    attractor is now. Rollouts follow the skill's own gate.
+
+    Args:
+        skill: What ``combine`` returned.
+        demonstrations: One set per leaf of the skill, None where none is embedded.
+
+    Raises:
+        UsageError: Another number of sets than leaves.
+    """
+    if len(demonstrations) != len(skill.leaves):
+        raise UsageError(f"demonstrations: expected {len(skill.leaves)} sets, got {len(demonstrations)}.")
+    remaining = list(demonstrations)
+    report = []
+    for index, part in enumerate(skill.parts):
+        sets = [remaining.pop(0) for _ in part.leaves]
+        motions = [motion for chosen in sets if chosen is not None for motion in chosen]
+        if not motions:
+            continue
+        starts = np.stack([part.attractor + (m.positions[0] - m.positions[-1]) for m in motions])
+        longest = max(motion.duration for motion in motions)
+        selected = skill.part_at(starts) == index
+        kept = selected & _ends_at(skill, index, starts, longest)
+        report.append(PartCoverage(index + 1, len(motions), float(np.mean(selected)), float(np.mean(kept))))
+    return tuple(report)
+
+
+def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: float) -> npt.NDArray[np.bool_]:
+    """Return which motions are at the attractor of part ``index`` after ``DURATIONS`` demonstrations."""
+    periods = [
+        float(contraction_periods(part.lyapunov, skill.speed * part.component_matrices).min())
+        for part in skill.parts
+    ]
+    period = float(np.clip(0.5 * min(periods), longest / STEPS[1], longest / STEPS[0]))
+    result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
+    distances = np.linalg.norm(result.positions[:, -1, None] - skill.attractors, axis=2)
+    return np.asarray(result.arrived & (distances[:, index] == distances.min(axis=1)))

@@ -1,0 +1,155 @@
+"""One Lyapunov matrix for many components: the search that merging skills with different P needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import TypeVar, cast
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, frozen_array, require_spd
+from skillctl.compose.barrier import minimise_largest_eigenvalue
+from skillctl.errors import UsageError
+from skillctl.model.contraction import decay_rates
+from skillctl.model.skill import SedsSkill, Skill
+
+AnySkill = TypeVar("AnySkill", bound=Skill)
+ROUNDS = 3  # each search starts in the coordinates the one before has found
+BALANCING_SWEEPS = 10
+
+
+def with_lyapunov(skill: AnySkill, lyapunov: FloatArray) -> AnySkill:
+    """Return the same motion with another Lyapunov matrix P (d, d) in every leaf.
+
+    Nothing of the velocity field changes, only what measures it; whether P proves it is decided elsewhere.
+
+    Raises:
+        UsageError: P of another dimension.
+        InvalidModelError: P not symmetric positive definite.
+    """
+    if np.shape(lyapunov) != (skill.dimension, skill.dimension):
+        raise UsageError(
+            f"lyapunov: expected {skill.dimension} x {skill.dimension} numbers, got {np.shape(lyapunov)}."
+        )
+    if isinstance(skill, SedsSkill):
+        return cast("AnySkill", replace(skill, lyapunov=lyapunov))
+    parts = tuple(with_lyapunov(part, lyapunov) for part in skill.parts)
+    return cast("AnySkill", replace(skill, parts=parts))
+
+
+def common_lyapunov(system_matrices: FloatArray, *, known: Sequence[FloatArray] = ()) -> FloatArray | None:
+    """Return a P ≻ 0 with P Aₖ + Aₖᵀ P ≺ 0 for all k, near the one of fastest decay, or None.
+
+    Maximises t over P with −(P Aₖ + Aₖᵀ P) ≽ t I and tr P = d, time scaled by the typical spectral radius,
+    in coordinates in which the best P known so far is the identity. Those choices make the answer the
+    same, up to rounding, for data in other units of length or time, per axis too. The problem is convex:
+    None means that the barrier method's bound excluded every P whose margin can be told from rounding. A P
+    that is returned contracts in floating point; ``skillctl.stability`` proves it.
+
+    Args:
+        system_matrices: Aₖ, shape (K, d, d), [1/s].
+        known: Candidates to start from, such as the P of each part. Shape (d, d) each.
+
+    Returns:
+        P with trace d, shape (d, d), or None.
+
+    References:
+        S. Boyd et al., Linear Matrix Inequalities in System and Control Theory (1994), section 5.1;
+        the scaling is ours.
+    """
+    matrices = frozen_array("system_matrices", system_matrices, (None, None, None))
+    eigenvalues = np.linalg.eigvals(matrices)
+    if eigenvalues.real.max() >= 0:
+        return None  # a component that is not stable alone has no P at all
+    scaled = matrices / np.median(np.abs(eigenvalues).max(axis=1))
+    best = _best_start(scaled, known)
+    for _ in range(ROUNDS):
+        factor = np.linalg.cholesky(best).T  # best = factorᵀ factor
+        inverse = np.linalg.inv(factor)
+        found = minimise_largest_eigenvalue(np.asarray(factor @ scaled @ inverse))
+        if found is None:
+            break
+        best = max(best, _normalised(factor.T @ found @ factor), key=lambda p: _slowest(p, scaled))
+    return best if _slowest(best, scaled) > 0 else None
+
+
+def common_lyapunov_of(parts: Sequence[Skill]) -> FloatArray | None:
+    """Return the P that all parts share already, else one found for all their components, or None."""
+    leaves = [leaf for part in parts for leaf in part.leaves]
+    first = leaves[0].lyapunov
+    if all((leaf.lyapunov == first).all() for leaf in leaves):
+        return first
+    matrices = np.concatenate([leaf.system_matrices for leaf in leaves])
+    return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves])
+
+
+def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
+    """Return the indices of the smallest group of parts found without a common P.
+
+    One part, a pair, or all parts; empty if all have a common P.
+    """
+    indices = range(len(parts))
+    for size in (1, 2, len(parts)):
+        for group in combinations(indices, size):
+            matrices = np.concatenate([leaf.system_matrices for i in group for leaf in parts[i].leaves])
+            if common_lyapunov(matrices) is None:
+                return group
+    return ()
+
+
+def _best_start(matrices: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+    """Return the candidate under which the slowest component decays fastest."""
+    scales = _balancing_scales(matrices)
+    balanced = matrices * scales[:, None] / scales
+    solutions = np.stack([_normalised(_lyapunov_solution(matrix)) for matrix in balanced])
+    candidates = [
+        np.diag(scales) @ p @ np.diag(scales) for p in (np.eye(len(scales)), solutions.mean(axis=0))
+    ]
+    for p in known:
+        require_spd("known", p)
+    if known:
+        candidates += [*known, np.mean([_normalised(p) for p in known], axis=0)]
+    usable = [_normalised(p) for p in candidates]
+    return max(usable, key=lambda p: _slowest(p, matrices))
+
+
+def _balancing_scales(matrices: FloatArray) -> FloatArray:
+    """Return s so that diag(s) Σ|Aₖ| diag(s)⁻¹ has rows and columns of equal size (Osborne). Shape (d,)."""
+    total = np.abs(matrices).sum(axis=0)
+    np.fill_diagonal(total, 0.0)
+    scales = np.ones(len(total))
+    for _ in range(BALANCING_SWEEPS):
+        for i in range(len(total)):
+            row, column = total[i].sum(), total[:, i].sum()
+            if row > 0 and column > 0:
+                factor = np.sqrt(column / row)
+                total[i] *= factor
+                total[:, i] /= factor
+                scales[i] *= factor
+    return scales
+
+
+def _lyapunov_solution(matrix: FloatArray) -> FloatArray:
+    """Return P with P A + Aᵀ P = −I for a Hurwitz A (d, d)."""
+    d = len(matrix)
+    identity = np.eye(d)
+    # vec(P A + Aᵀ P) = (Aᵀ ⊗ I + I ⊗ Aᵀ) vec P, row by row or column by column alike
+    solution = np.linalg.solve(
+        np.kron(matrix.T, identity) + np.kron(identity, matrix.T), -identity.ravel()
+    ).reshape(d, d)
+    return np.asarray(0.5 * (solution + solution.T))
+
+
+def _normalised(p: FloatArray) -> FloatArray:
+    """Return P, symmetric to the last bit, with trace d."""
+    return np.asarray(0.5 * (p + p.T) * (len(p) / np.trace(p)))
+
+
+def _slowest(p: FloatArray, matrices: FloatArray) -> float:
+    """Return the smallest decay rate, −inf if P is not positive definite in floating point."""
+    try:
+        return float(decay_rates(p, matrices).min())
+    except np.linalg.LinAlgError:
+        return -np.inf

@@ -1,0 +1,97 @@
+"""Merge: several skills act together on one attractor (Section 3.1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray
+from skillctl.compose.lyapunov import conflicting_parts, with_lyapunov
+from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
+from skillctl.errors import FitError, UsageError
+from skillctl.model.skill import MERGE_GATES, CombinedSkill, MergedSkill, MergeGate, SedsSkill, Skill
+
+
+class NoCommonLyapunovError(FitError):
+    """Parts that are not known to contract in one common P, so that nothing is proved of their mixture.
+
+    Attributes:
+        parts: Indices of parts that have no common P; empty if all have one that was not given.
+    """
+
+    def __init__(self, parts: tuple[int, ...]) -> None:
+        self.parts = parts
+        names = " and ".join(str(i + 1) for i in parts)
+        if parts:
+            reason = f"skill{'s' if len(parts) > 1 else ''} {names} admit no common Lyapunov matrix"
+        else:
+            reason = "the skills were learned with different Lyapunov matrices"
+        super().__init__(
+            f"merge: {reason}; nothing would be proved of the result.",
+            hint="Refit them under one common metric, or learn all of them with --metric euclidean.",
+        )
+
+
+def merge(
+    parts: Sequence[Skill],
+    *,
+    part_weights: npt.ArrayLike | None = None,
+    gate: MergeGate = "superposition",
+    sharpness: float = 1.0,
+    speed: float = 1.0,
+    target: npt.ArrayLike | None = None,
+    lyapunov: FloatArray | None = None,
+) -> MergedSkill:
+    """Return one skill in which all parts act together; every convex mixture of them stays stable.
+
+    Each gate mixes the parts' components with weights h̃ ≥ 0 that sum to one (``MergedSkill`` has the
+    formulas), so a P under which every component contracts proves the whole, for any weights (ours). The
+    paper's plain averaging of parameters guarantees nothing and is not offered.
+
+    Args:
+        parts: Two or more SEDS or merged skills in one state space.
+        part_weights: αᵢ > 0 up to a common factor, one per part; equal by default.
+        gate: ``superposition`` (Eq. 7 and 8), ``density`` (Eq. 8 on densities) or ``experts`` (Eq. 9).
+        sharpness: γ ≥ 1 of ``experts``.
+        speed: Factor on the velocity.
+        target: Common attractor (d,); by default the weighted mean of the parts' attractors.
+        lyapunov: Common P (d, d) for all parts; may be omitted where they share one already.
+
+    Raises:
+        UsageError: Fewer than two parts, a combined skill, different spaces, or options out of range.
+        NoCommonLyapunovError: No P is given and the parts have different ones.
+
+    References:
+        Section 3.1 of the paper; theory page, merge.
+    """
+    require_compatible(parts, "merge")
+    members = tuple(_mergeable(number, part) for number, part in enumerate(parts, start=1))
+    weights = normalised("part weights", part_weights, len(members))
+    _require_options(gate, sharpness, speed)
+    if lyapunov is not None:
+        members = tuple(with_lyapunov(part, lyapunov) for part in members)
+    elif any((part.lyapunov != members[0].lyapunov).any() for part in members):
+        raise NoCommonLyapunovError(conflicting_parts(members))
+    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, sharpness, speed)
+
+
+def _mergeable(number: int, part: Skill) -> SedsSkill | MergedSkill:
+    if isinstance(part, CombinedSkill):
+        raise UsageError(
+            f"merge: skill {number} is a combined skill; only one of its parts acts at a time.",
+            hint="Merge its parts first, then combine the results.",
+        )
+    return part
+
+
+def _require_options(gate: str, sharpness: float, speed: float) -> None:
+    if gate not in MERGE_GATES:
+        raise UsageError(f"gate: one of {', '.join(MERGE_GATES)}, not {gate!r}.")
+    if not (math.isfinite(sharpness) and sharpness >= 1):
+        raise UsageError(f"sharpness: must be at least 1, got {sharpness:g}.")
+    if sharpness != 1 and gate != "experts":
+        raise UsageError("sharpness: only the experts gate has one.", hint="Add --gate experts.")
+    if not (math.isfinite(speed) and speed > 0):
+        raise UsageError(f"speed: must be a positive number, got {speed:g}.")

@@ -1,0 +1,157 @@
+"""The stability certificate of a skill: re-derived from its numbers, never from what a file claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from skillctl.model.skill import CombinedSkill, Skill
+from skillctl.stability.parts import MARGIN, certify_part
+from skillctl.stability.region import certified_radius
+from skillctl.stability.report import (
+    Certificate,
+    PartCertificate,
+    Sampling,
+    Scope,
+    Verdict,
+    at_least,
+    at_most,
+)
+from skillctl.stability.sampling import search_witness
+
+
+def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certificate:
+    """Return what is proved about a skill, and where nothing is proved, what sampling shows.
+
+    Proved in exact arithmetic on the stored numbers: each part converges exponentially from everywhere.
+    What follows for the whole: a SEDS or merged skill is one part. A latched combined skill runs one part
+    to its end. An instantaneous one with one attractor and one P shrinks that P-norm whichever part acts,
+    sliding motions included. Otherwise switching can trap a motion on a border between regions: then only
+    a radius around each attractor is proved, and rollouts search for a witness.
+
+    Args:
+        skill: What to certify.
+        digest: Content digest of the artifact the skill was read from; the certificate names it.
+        seed: Of the sampling, which runs only where there is no global proof.
+
+    References:
+        Eq. 5 and 7; theory page, verification.
+    """
+    outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
+    members = skill.parts if isinstance(skill, CombinedSkill) else (skill,)
+    parts = tuple(certify_part(number, part, outer) for number, part in enumerate(members, start=1))
+    failures = tuple(sentence for part in parts for sentence in part.failures)
+    if not failures and _parts_suffice(skill):
+        return _certificate(skill, "stable", "global", parts, failures, None, digest)
+    scope: Scope = "none"
+    if isinstance(skill, CombinedSkill) and not failures:
+        parts = _with_radii(skill, parts)
+        scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
+        failures = (_open_question(skill),)
+    sampling = search_witness(skill, parts, seed)
+    refuted = sampling.witness is not None or not all(part.proved for part in parts)
+    verdict: Verdict = "not proved" if refuted else "inconclusive"
+    return _certificate(skill, verdict, scope, parts, failures, sampling, digest)
+
+
+def _parts_suffice(skill: Skill) -> bool:
+    """Whether global stability follows from that of each part alone."""
+    if not isinstance(skill, CombinedSkill) or skill.gate == "latched" or len(skill.parts) == 1:
+        return True
+    shared = all((part.lyapunov == skill.parts[0].lyapunov).all() for part in skill.parts)
+    return skill.aligned and shared
+
+
+def _with_radii(skill: CombinedSkill, parts: tuple[PartCertificate, ...]) -> tuple[PartCertificate, ...]:
+    return tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
+
+
+def _every_attractor_has_a_radius(skill: CombinedSkill, parts: tuple[PartCertificate, ...]) -> bool:
+    attractors = [tuple(row) for row in skill.attractors.tolist()]
+    certified = {place for place, part in zip(attractors, parts, strict=True) if part.radius is not None}
+    return certified == set(attractors)
+
+
+def _certificate(
+    skill: Skill,
+    verdict: Verdict,
+    scope: Scope,
+    parts: tuple[PartCertificate, ...],
+    failures: tuple[str, ...],
+    sampling: Sampling | None,
+    digest: str | None,
+) -> Certificate:
+    rates = [part.rate for part in parts if part.rate is not None]
+    periods = [part.period for part in parts if part.period is not None]
+    proved = scope != "none"
+    return Certificate(
+        verdict=verdict,
+        scope=scope,
+        rate=min(rates) if proved and len(rates) == len(parts) else None,
+        period=min(periods) if proved and len(periods) == len(parts) else None,
+        margin=MARGIN,
+        parts=parts,
+        proof=_proof(skill, scope, parts),
+        failures=failures,
+        evidence=() if sampling is None else (_evidence(sampling, skill.space.unit),),
+        sampling=sampling,
+        digest=digest,
+    )
+
+
+def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tuple[str, ...]:
+    """Say what is proved, part by part and for the whole."""
+    unit = skill.space.unit
+    sentences = []
+    if scope == "global":
+        sentences.append(_global_statement(skill))
+    for part in parts:
+        name = "It" if len(parts) == 1 else f"Part {part.part}"
+        if part.proved and part.rate is not None and part.period is not None:
+            sentences.append(
+                f"{name} shrinks the P-distance to its attractor at {at_least(part.rate)} 1/s or faster, "
+                f"at every controller period up to {at_least(part.period)} s "
+                f"({at_most(1 / part.period)} Hz or faster): exact for all {len(part.components)} components."
+            )
+        if part.radius is not None:
+            sentences.append(
+                f"From within {at_least(part.radius)} {unit} of its attractor part {part.part} alone acts, "
+                f"and every motion ends there."
+            )
+    return tuple(sentences)
+
+
+def _global_statement(skill: Skill) -> str:
+    if not isinstance(skill, CombinedSkill):
+        return "Every motion converges to the attractor exponentially, from everywhere."
+    if skill.gate == "latched":
+        return (
+            "Every motion with finitely many disturbances converges exponentially to the attractor of the "
+            "part that was selected last: the part i whose βᵢ pᵢ is largest at the start. That region is the "
+            "basin of its attractor."
+        )
+    return (
+        "Every motion converges to the one attractor exponentially, from everywhere: whichever part acts, "
+        "the same P-distance shrinks."
+    )
+
+
+def _open_question(skill: CombinedSkill) -> str:
+    if skill.aligned:
+        return (
+            "The parts have different P, and the instantaneous gate may switch between them for ever: "
+            "no common measure of distance is known to shrink. Combine with a common P, or latched."
+        )
+    return (
+        "The parts have different attractors, and the instantaneous gate may hold a motion on the border "
+        "of two regions: nothing is proved away from the attractors. The latched gate has a proof."
+    )
+
+
+def _evidence(sampling: Sampling, unit: str) -> str:
+    tried = (
+        f"{sampling.arrived} of {sampling.starts} sampled motions arrived within {sampling.duration:.3g} s"
+    )
+    if sampling.witness is None:
+        return f"{tried}; no motion was found that reaches no attractor. This is evidence, not proof."
+    start = ", ".join(f"{value:.6g}" for value in sampling.witness)
+    return f"{tried}; the motion from ({start}) {unit} reaches no attractor."

@@ -1,0 +1,92 @@
+"""The proof for one part: every component contracts under the part's Lyapunov matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.model.contraction import contraction_periods, decay_rates
+from skillctl.model.skill import MergedSkill, SedsSkill
+from skillctl.stability.exact import Dyadic, decays, is_positive_definite, steps_contract
+from skillctl.stability.report import ComponentCertificate, PartCertificate
+
+MARGIN = 2.0**-40  # about 1e-12: far above float64 rounding of a velocity, far below any useful rate
+# An estimate is good to about 1e-14 times the condition of P, so one of the first factors passes; halving
+# covers matrices so near singular that the estimate is noise.
+SHRINKS = (1 - 2.0**-40, 1 - 2.0**-30, 1 - 2.0**-20, 1 - 2.0**-10, *(2.0**-n for n in range(1, 80)))
+
+
+def certify_part(number: int, part: SedsSkill | MergedSkill, speed: float) -> PartCertificate:
+    """Return what exact arithmetic proves of one part.
+
+    With V = (ξ − ξ*)ᵀ P (ξ − ξ*), every convex combination of components that contract in the P-norm
+    contracts in it, whatever the gates. Proved is the field as stored: speeds and matrices multiply as
+    rational numbers, and weights sum to one.
+
+    Args:
+        number: Of the part, counted from 1.
+        part: A skill with one P and one attractor.
+        speed: Factor of the combined skill around it, 1 without one.
+    """
+    lyapunov = Dyadic.of(part.lyapunov)
+    acting = [
+        (leaf_number, k + 1, Dyadic.of(matrix) * factor, Dyadic.of(MARGIN * np.abs(matrix).max()) * factor)
+        for leaf_number, (leaf, factor) in enumerate(_leaves(part, Dyadic.of(speed)), start=1)
+        for k, matrix in enumerate(leaf.system_matrices)
+    ]
+    matrices = [matrix for _, _, matrix, _ in acting]
+    rates, periods, size = _estimates(part, speed)
+    components = tuple(
+        ComponentCertificate(leaf, k, decays(lyapunov, matrix, margin), float(r) if np.isfinite(r) else None)
+        for (leaf, k, matrix, margin), r in zip(acting, rates, strict=True)
+    )
+    positive = is_positive_definite(lyapunov)
+    if not (positive and all(component.proved for component in components)):
+        return PartCertificate(number, positive, components, rate=None, period=None)
+    rate = _largest_proved(
+        float(rates.min()), size, lambda r: all(decays(lyapunov, matrix, r) for matrix in matrices)
+    )
+    period = _largest_proved(
+        float(periods.min()),
+        1 / size,
+        lambda t: all(steps_contract(lyapunov, matrix, t) for matrix in matrices),
+    )
+    return PartCertificate(number, positive, components, rate, period)
+
+
+def _leaves(skill: SedsSkill | MergedSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
+    """Yield every leaf with the product of all speeds on the way to it."""
+    speed = speed * Dyadic.of(skill.speed)
+    if isinstance(skill, SedsSkill):
+        yield skill, speed
+        return
+    for part in skill.parts:
+        yield from _leaves(part, speed)
+
+
+def _estimates(part: SedsSkill | MergedSkill, speed: float) -> tuple[FloatArray, FloatArray, float]:
+    """Return decay rates (K,), periods (K,) and the largest entry of all matrices, in floating point."""
+    matrices = speed * part.component_matrices
+    size = float(np.abs(matrices).max())
+    try:
+        return decay_rates(part.lyapunov, matrices), contraction_periods(part.lyapunov, matrices), size
+    except np.linalg.LinAlgError:  # P or a matrix is singular to working precision
+        unknown = np.full(len(matrices), np.nan)
+        return unknown, unknown, size
+
+
+def _largest_proved(estimate: float, fallback: float, passes: Callable[[Dyadic], bool]) -> float | None:
+    """Return the first value at or below the estimate that passes the exact test.
+
+    Args:
+        estimate: In floating point; not trusted.
+        fallback: Where to start if the estimate is not a positive number.
+        passes: Exact test; what it accepts it accepts for all smaller values too.
+    """
+    start = estimate if estimate > 0 else fallback
+    for shrink in SHRINKS:
+        if passes(Dyadic.of(start * shrink)):
+            return start * shrink
+    return None

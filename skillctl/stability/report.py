@@ -1,0 +1,141 @@
+"""What a stability check says: proof and evidence apart, every number rounded to the safe side."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import Literal, TypeAlias
+
+Verdict: TypeAlias = Literal["stable", "not proved", "inconclusive"]
+Scope: TypeAlias = Literal["global", "local", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentCertificate:
+    """What is known of one component Aₖ under the Lyapunov matrix P of its part.
+
+    Attributes:
+        leaf: Which SEDS skill of the part it belongs to, counted from 1.
+        component: Which component of that leaf, counted from 1.
+        proved: Whether −½(P A + Aᵀ P) − m P ≻ 0 holds exactly, with the margin m of the certificate.
+        rate: Its decay rate in floating point, [1/s]: information, not proof. Not positive where V can grow;
+            None where P is too near singular to tell.
+    """
+
+    leaf: int
+    component: int
+    proved: bool
+    rate: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class PartCertificate:
+    """What is proved of one part: a skill whose components all share one P and one attractor.
+
+    Attributes:
+        part: Counted from 1; a SEDS or merged skill is its own only part.
+        lyapunov_proved: Whether P ≻ 0 holds exactly.
+        components: One entry per component of every leaf.
+        rate: r with ‖ξ(t) − ξ*‖_P ≤ e^(−rt) ‖ξ(0) − ξ*‖_P while this part acts, proved, [1/s].
+        period: Longest controller period at which every step still contracts, proved, [s].
+        radius: Every motion that starts within this distance of the part's attractor ends there, proved;
+            in the unit of the space. Only for combined skills without a global proof.
+        proved: Whether the part, acting alone, converges to its attractor from everywhere.
+    """
+
+    part: int
+    lyapunov_proved: bool
+    components: tuple[ComponentCertificate, ...]
+    rate: float | None
+    period: float | None
+    radius: float | None = None
+    proved: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        proved = self.lyapunov_proved and all(component.proved for component in self.components)
+        object.__setattr__(self, "proved", proved)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be proved, one sentence each."""
+        name = f"part {self.part}: "
+        reasons = [] if self.lyapunov_proved else [name + "P is not positive definite."]
+        for c in self.components:
+            if not c.proved:
+                rate = "unknown" if c.rate is None else f"{c.rate:.3g} 1/s"
+                reasons.append(
+                    f"{name}leaf {c.leaf}, component {c.component}: P A + Aᵀ P is not negative definite "
+                    f"(decay rate {rate})."
+                )
+        return tuple(reasons)
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """Evidence from seeded rollouts; it can refute, never prove.
+
+    Attributes:
+        seed: Of the starts.
+        starts: How many were tried, in a box around the data and the attractors.
+        arrived: How many came within the arrival distance of an attractor.
+        duration: How long each motion was followed, [s].
+        period: Step of the rollouts, [s].
+        witness: A start from which the motion reaches no attractor, or None.
+        witness_end: Where that motion was at the end; None also where it left all bounds.
+    """
+
+    seed: int
+    starts: int
+    arrived: int
+    duration: float
+    period: float
+    witness: tuple[float, ...] | None
+    witness_end: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """The answer of ``verify-stability`` for one skill.
+
+    Attributes:
+        verdict: ``stable``: proved. ``not proved``: a condition fails, or a witness was found.
+            ``inconclusive``: neither a proof nor a witness.
+        scope: ``global``: from everywhere. ``local``: within each part's radius. ``none``.
+        rate: Proved decay rate within the scope, [1/s].
+        period: Longest controller period proved within the scope, [s].
+        margin: The exact tests ask for a decay rate of this share of each matrix's largest entry, which
+            leaves room for the rounding of the execution.
+        parts: Part by part.
+        proof: What is proved, in sentences.
+        failures: What could not be proved, in sentences.
+        evidence: What sampling showed, in sentences.
+        sampling: The numbers behind them, or None where a proof made sampling unnecessary.
+        digest: Content digest of the artifact this holds for, or None if it came from memory.
+    """
+
+    verdict: Verdict
+    scope: Scope
+    rate: float | None
+    period: float | None
+    margin: float
+    parts: tuple[PartCertificate, ...]
+    proof: tuple[str, ...]
+    failures: tuple[str, ...]
+    evidence: tuple[str, ...]
+    sampling: Sampling | None
+    digest: str | None = None
+
+
+def at_least(value: float, digits: int = 3) -> str:
+    """Return ``value`` for reading, rounded down: what is said is still true."""
+    return _rounded(value, Context(prec=digits, rounding=ROUND_FLOOR))
+
+
+def at_most(value: float, digits: int = 3) -> str:
+    """Return ``value`` for reading, rounded up."""
+    return _rounded(value, Context(prec=digits, rounding=ROUND_CEILING))
+
+
+def _rounded(value: float, context: Context) -> str:
+    return f"{float(context.create_decimal_from_float(value)):g}" if math.isfinite(value) else str(value)
