@@ -1,0 +1,134 @@
+"""The stability constraint as a log-det barrier, and the constrained regression it makes convex.
+
+With V = ξᵀPξ, component k is stable at rate ε when S_k = −½(P A_k + A_kᵀ P) − ε P ≻ 0. The barrier
+−Σ_k log det S_k is finite exactly there, so every iterate that has a finite objective is stable.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+
+
+class StabilityBarrier:
+    """−Σ_k log det S_k(A) with S_k = −½(P A_k + A_kᵀ P) − ε P, its gradient and its Hessian.
+
+    Args:
+        lyapunov: P, shape (d, d).
+        rate: ε ≥ 0, in 1 / time.
+    """
+
+    def __init__(self, lyapunov: FloatArray, rate: float) -> None:
+        self.lyapunov = lyapunov
+        self.rate = rate
+
+    def slack(self, matrices: FloatArray) -> FloatArray:
+        """Return S_k for matrices (..., d, d), in the same shape."""
+        product = self.lyapunov @ matrices
+        return np.asarray(-0.5 * (product + product.swapaxes(-1, -2)) - self.rate * self.lyapunov)
+
+    def value(self, matrices: FloatArray) -> FloatArray:
+        """Return −log det S_k, infinite where S_k is not positive definite. Shape (...)."""
+        slack = self.slack(matrices)
+        eigenvalues = np.linalg.eigvalsh(slack)
+        inside = eigenvalues[..., 0] > 0
+        logs = np.log(np.where(inside[..., None], eigenvalues, 1.0)).sum(axis=-1)
+        return np.where(inside, -logs, np.inf)
+
+    def reach(self, matrices: FloatArray, direction: FloatArray) -> float:
+        """Return the largest t for which every S_k(A + t · direction) is positive semidefinite."""
+        product = self.lyapunov @ direction
+        change = -0.5 * (product + product.swapaxes(-1, -2))
+        factor = np.linalg.inv(np.linalg.cholesky(self.slack(matrices)))
+        lowest = float(np.linalg.eigvalsh(factor @ change @ factor.swapaxes(-1, -2)).min())
+        return -1.0 / lowest if lowest < 0 else np.inf
+
+    def derivatives(self, matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return gradient (K, d²) and Hessian (K, d², d²) with respect to each A_k, row by row.
+
+        With M = P S⁻¹: the gradient is M, and D²[U, U] = tr(S⁻¹ dS S⁻¹ dS) for dS = −½(PU + UᵀP).
+        """
+        k, d, _ = matrices.shape
+        inverse = np.linalg.inv(self.slack(matrices))
+        inverse = 0.5 * (inverse + inverse.swapaxes(1, 2))
+        gradient = self.lyapunov @ inverse
+        double = gradient @ self.lyapunov  # P S⁻¹ P
+        # ½ [ (P S⁻¹ P)_{ia} (S⁻¹)_{jb} + (P S⁻¹)_{ib} (P S⁻¹)_{aj} ] for the pair U_ij, U_ab
+        hessian = 0.5 * (
+            np.einsum("kia,kjb->kijab", double, inverse) + np.einsum("kib,kaj->kijab", gradient, gradient)
+        )
+        return gradient.reshape(k, d * d), hessian.reshape(k, d * d, d * d)
+
+
+def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier, margin: float) -> FloatArray:
+    """Return the nearest matrices, up to a shift along −I, whose slack is at least ``margin`` P.
+
+    Subtracting s I from A adds s P to S, so the shift is a generalised eigenvalue.
+    """
+    factor = np.linalg.inv(np.linalg.cholesky(barrier.lyapunov))
+    smallest = np.linalg.eigvalsh(factor @ barrier.slack(matrices) @ factor.T)[..., 0]
+    shift = np.maximum(margin - smallest, 0.0)
+    return np.asarray(matrices - shift[..., None, None] * np.eye(matrices.shape[-1]))
+
+
+def constrained_regression(
+    gram: FloatArray,
+    cross: FloatArray,
+    precisions: FloatArray,
+    barrier: StabilityBarrier,
+    *,
+    start: FloatArray | None = None,
+    final_weight: float = 1e-5,
+) -> FloatArray:
+    """Return argmin_A ½ Σ_i w_i (v_i − A x_i)ᵀ C⁻¹ (v_i − A x_i) over stable A, for K problems at once.
+
+    A log-det barrier Newton method: the barrier's weight falls by ten until ``final_weight``; each
+    iterate stays strictly stable.
+
+    Args:
+        gram: Σ w x xᵀ, shape (K, d, d), positive definite.
+        cross: Σ w v xᵀ, shape (K, d, d).
+        precisions: C⁻¹, shape (K, d, d).
+        barrier: The constraint.
+        start: Strictly stable A to start from; default: the unconstrained solution, shifted inside.
+        final_weight: Weight of the barrier at the end, relative to the trace of ``gram`` per dimension.
+
+    Returns:
+        A, shape (K, d, d), strictly stable.
+    """
+    k, d, _ = gram.shape
+    free: FloatArray = np.asarray(
+        np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64
+    )
+    matrices = strictly_inside(free if start is None else start, barrier, 0.05)
+    quadratic = np.einsum("kia,kjb->kijab", precisions, gram).reshape(k, d * d, d * d)
+    linear = (precisions @ cross).reshape(k, d * d)
+    scale = np.trace(gram @ precisions, axis1=1, axis2=2) / d
+
+    def cost(candidates: FloatArray, weight: FloatArray) -> FloatArray:
+        flat = candidates.reshape(k, d * d)
+        smooth = 0.5 * np.einsum("ki,kij,kj->k", flat, quadratic, flat) - np.einsum("ki,ki->k", linear, flat)
+        return np.asarray(smooth + weight * barrier.value(candidates))
+
+    for level in 10.0 ** np.arange(-1, np.log10(final_weight) - 0.5, -1):
+        weight = level * scale
+        value = cost(matrices, weight)
+        for _ in range(8):
+            gradient, hessian = barrier.derivatives(matrices)
+            slope = np.einsum("kij,kj->ki", quadratic, matrices.reshape(k, d * d)) - linear
+            slope = slope + weight[:, None] * gradient
+            step = -np.linalg.solve(quadratic + weight[:, None, None] * hessian, slope[..., None])[..., 0]
+            decrement = -np.einsum("ki,ki->k", slope, step)
+            length = np.ones(k)
+            for _ in range(20):
+                trial = matrices + (length[:, None] * step).reshape(k, d, d)
+                better = cost(trial, weight) <= value - 0.1 * length * decrement
+                if better.all():
+                    break
+                length = np.where(better, length, 0.5 * length)
+            matrices = np.where(better[:, None, None], trial, matrices)
+            value = cost(matrices, weight)
+            if (decrement < 1e-6 * weight).all():
+                break
+    return matrices

@@ -1,0 +1,153 @@
+"""Constrained EM: the joint mixture of positions and velocities whose every A_k is stable (Eq. 5 and 6).
+
+With b_k = −A_k ξ* fixed, component k of the joint density factors into N(ξ; μ, Σ) N(ξ̇; A ξ, C), so the
+M-step is closed-form except for A_k, a small convex problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.learning.barrier import StabilityBarrier, constrained_regression
+
+POSITION_FLOOR = 1e-4  # smallest variance of a component, in squared rms distances: 1 % of the rms distance
+VELOCITY_FLOOR = 1e-4  # likewise in squared rms speeds
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointMixture:
+    """Parameters in the learner's units, target at the origin.
+
+    Attributes:
+        priors (K,), means (K, d), covariances (K, d, d): of the positions.
+        matrices (K, d, d): A_k; residual_covariances (K, d, d): of ξ̇ − A_k ξ.
+    """
+
+    priors: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    matrices: FloatArray
+    residual_covariances: FloatArray
+
+    @property
+    def n_components(self) -> int:
+        """Number of components, K."""
+        return len(self.priors)
+
+    def log_joint(self, positions: FloatArray, velocities: FloatArray | None = None) -> FloatArray:
+        """Return log π_k N(ξ; μ_k, Σ_k) [+ log N(ξ̇; A_k ξ, C_k)] for N points. Shape (N, K)."""
+        logs = np.log(self.priors) + log_normal(positions[:, None] - self.means, self.covariances)
+        if velocities is not None:
+            predicted = np.einsum("kij,nj->nki", self.matrices, positions)
+            logs = logs + log_normal(velocities[:, None] - predicted, self.residual_covariances)
+        return np.asarray(logs)
+
+
+def log_normal(deviations: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Return log N(deviation; 0, Σ_k) for deviations (N, K, d). Shape (N, K)."""
+    factors = np.linalg.inv(np.linalg.cholesky(covariances))
+    white = np.einsum("kij,nkj->nki", factors, deviations)
+    log_root = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    d = deviations.shape[-1]
+    return np.asarray(log_root - 0.5 * d * np.log(2 * np.pi) - 0.5 * np.einsum("nki,nki->nk", white, white))
+
+
+def log_likelihood(mixture: JointMixture, positions: FloatArray, velocities: FloatArray) -> float:
+    """Return Σ log p(ξ, ξ̇) / N, the negative of Eq. 6, in the learner's units."""
+    logs = mixture.log_joint(positions, velocities)
+    peak = logs.max(axis=1, keepdims=True)
+    return float(np.mean(peak[:, 0] + np.log(np.exp(logs - peak).sum(axis=1))))
+
+
+def expectation(logs: FloatArray) -> FloatArray:
+    """Return responsibilities (N, K) from log joint densities (N, K)."""
+    weights = np.exp(logs - logs.max(axis=1, keepdims=True))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def position_moments(
+    responsibilities: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the priors, means and covariances that maximise the expected log-likelihood of positions."""
+    mass = responsibilities.sum(axis=0) + 1e-9
+    priors = mass / mass.sum()
+    means = responsibilities.T @ positions / mass[:, None]
+    deviations = positions[:, None] - means
+    covariances = _weighted_covariance(responsibilities, deviations, mass, POSITION_FLOOR)
+    return priors, means, covariances
+
+
+def maximisation(
+    responsibilities: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    barrier: StabilityBarrier,
+    previous: JointMixture | None = None,
+) -> JointMixture:
+    """Return the mixture that maximises the expected log-likelihood, every A_k stable."""
+    k, d = responsibilities.shape[1], positions.shape[1]
+    priors, means, covariances = position_moments(responsibilities, positions)
+    weighted = responsibilities.T[:, :, None] * positions  # (K, N, d)
+    gram = weighted.swapaxes(1, 2) @ positions + 1e-6 * np.eye(d)
+    cross = velocities.T @ weighted
+    precisions: FloatArray = np.tile(np.eye(d), (k, 1, 1))
+    if previous is not None:
+        precisions = np.asarray(np.linalg.inv(previous.residual_covariances), dtype=np.float64)
+    start = None if previous is None else previous.matrices
+    matrices = constrained_regression(gram, cross, precisions, barrier, start=start, final_weight=1e-4)
+    residuals = velocities[:, None] - np.einsum("kij,nj->nki", matrices, positions)
+    mass = responsibilities.sum(axis=0) + 1e-9
+    residual_covariances = _weighted_covariance(responsibilities, residuals, mass, VELOCITY_FLOOR)
+    return JointMixture(priors, means, covariances, matrices, residual_covariances)
+
+
+def constrained_em(
+    labels: IntArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    barrier: StabilityBarrier,
+    *,
+    iterations: int,
+    tolerance: float = 1e-5,
+) -> JointMixture:
+    """Return the mixture that EM reaches from a partition of the data.
+
+    Args:
+        labels: Component of each point at the start, 0 … K − 1, shape (N,).
+        positions: Relative to the attractor, shape (N, d).
+        velocities: Shape (N, d).
+        barrier: The stability constraint.
+        iterations: At most this many.
+        tolerance: Stop when the mean log-likelihood gains less.
+    """
+    mixture = maximisation(np.eye(labels.max() + 1)[labels], positions, velocities, barrier)
+    last = -np.inf
+    for _ in range(iterations):
+        responsibilities = expectation(mixture.log_joint(positions, velocities))
+        mixture = maximisation(responsibilities, positions, velocities, barrier, mixture)
+        current = log_likelihood(mixture, positions, velocities)
+        if current - last < tolerance:
+            break
+        last = current
+    return mixture
+
+
+def position_em(
+    mixture: JointMixture, positions: FloatArray, *, iterations: int = 20
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return priors, means and covariances of a mixture fitted to positions alone: the position density."""
+    density = mixture
+    for _ in range(iterations):
+        moments = position_moments(expectation(density.log_joint(positions)), positions)
+        density = replace(density, priors=moments[0], means=moments[1], covariances=moments[2])
+    return density.priors, density.means, density.covariances
+
+
+def _weighted_covariance(
+    weights: FloatArray, deviations: FloatArray, mass: FloatArray, floor: float
+) -> FloatArray:
+    moments = np.einsum("nk,nki,nkj->kij", weights, deviations, deviations) / mass[:, None, None]
+    return np.asarray(0.5 * (moments + moments.swapaxes(1, 2)) + floor * np.eye(deviations.shape[-1]))

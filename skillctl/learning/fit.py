@@ -1,0 +1,152 @@
+"""Learning a skill: demonstrations in, a provably stable SEDS skill out (Section 2, Eq. 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+from skillctl.learning.lyapunov import forced_deviation, learn_lyapunov, rising_share
+from skillctl.learning.options import LearnOptions
+from skillctl.learning.parameters import skill_of
+from skillctl.learning.preprocess import TrainingData, align, embedded, training_data
+from skillctl.learning.select import component_limit, select_components
+from skillctl.learning.solve import ProgressCallback, solve
+from skillctl.model import DemonstrationSet, SedsSkill
+
+DEFAULT_COMPONENTS = 7
+FORCED_SHARE = 0.01  # warn when V forces the motion off its path by more than this share of its extent
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Fit:
+    """What learning gives.
+
+    Attributes:
+        skill: The stable skill.
+        demonstrations: The training demonstrations as an artifact keeps them: rests trimmed, at most 200
+            points each, each ending exactly at the attractor.
+        objective: Value of the objective at the end, in the learner's units.
+        log_likelihood: Mean log p(ξ, ξ̇) of the initial or final constrained mixture, learner's units.
+        forced_deviation: Mean distance by which any V with this P keeps the motion off the
+            demonstrations, in the unit of the space: a lower bound on what this metric can reach.
+        rising_share: Share of the demonstrated path on which V would have to grow.
+        warnings: Sentences a user should read.
+    """
+
+    skill: SedsSkill
+    demonstrations: DemonstrationSet
+    objective: float
+    log_likelihood: float
+    forced_deviation: float
+    rising_share: float
+    warnings: tuple[str, ...]
+
+
+def fit(
+    demonstrations: DemonstrationSet,
+    options: LearnOptions | None = None,
+    *,
+    lyapunov: FloatArray | None = None,
+    progress: ProgressCallback | None = None,
+) -> Fit:
+    """Learn a stable skill from demonstrations of one motion.
+
+    Every A_k satisfies −½(P A_k + A_kᵀ P) ≻ ε P at every iterate and in the result, with ε the slowest rate.
+    The same demonstrations and options give the same numbers, whatever the number of BLAS threads.
+
+    Args:
+        demonstrations: At least one; each is translated to the mean end point, which becomes ξ*.
+        options: See ``LearnOptions``.
+        lyapunov: Use this P (d, d) instead of what ``options.metric`` says.
+        progress: Called as learning proceeds.
+
+    Raises:
+        InputDataError: Demonstrations that do not move.
+        UsageError: More components than the data can carry, or a P of another dimension.
+        FitError: No fit could be represented as a skill.
+
+    References:
+        Eq. 5 and 6; rollout residuals, the learned P and the interior-point solver are ours.
+    """
+    options = options or LearnOptions()
+    with threadpool_limits(1):
+        return _fit(demonstrations, options, lyapunov, progress or (lambda _: None))
+
+
+def learned_metric(sets: Sequence[DemonstrationSet]) -> FloatArray:
+    """Return one P (d, d) fitted to the demonstrations of several motions at once."""
+    motions = []
+    with threadpool_limits(1):
+        for demonstrations in sets:
+            aligned, attractor = align(demonstrations)
+            motions.append(training_data(aligned, attractor, LearnOptions().effort.samples).positions)
+        return learn_lyapunov(motions)
+
+
+def _fit(
+    demonstrations: DemonstrationSet,
+    options: LearnOptions,
+    lyapunov: FloatArray | None,
+    progress: ProgressCallback,
+) -> Fit:
+    aligned, attractor = align(demonstrations)
+    data = training_data(aligned, attractor, options.effort.samples)
+    metric = _metric(data, options, lyapunov)
+    n_components = _n_components(aligned, data, metric, options, progress)
+    solution = solve(data, metric, n_components, options, progress)
+    forced = float(forced_deviation(metric, data.positions).mean()) * data.length_scale
+    share = rising_share(metric, data.positions)
+    return Fit(
+        skill=skill_of(solution.field, solution.density, data, metric, demonstrations.space),
+        demonstrations=embedded(aligned),
+        objective=solution.objective,
+        log_likelihood=solution.log_likelihood,
+        forced_deviation=forced,
+        rising_share=share,
+        warnings=_warnings(demonstrations, forced, share, options),
+    )
+
+
+def _n_components(
+    aligned: DemonstrationSet,
+    data: TrainingData,
+    lyapunov: FloatArray,
+    options: LearnOptions,
+    progress: ProgressCallback,
+) -> int:
+    limit = component_limit(aligned, options.effort.samples)
+    if options.n_components is None:
+        return min(DEFAULT_COMPONENTS, limit)
+    if options.n_components == "auto":
+        return select_components(data, lyapunov, options, limit, progress)
+    if options.n_components > limit:
+        raise UsageError(
+            f"components: {options.n_components} is more than these demonstrations can carry ({limit}).",
+            hint=f"Use --components {limit} or fewer, or give more demonstrations.",
+        )
+    return options.n_components
+
+
+def _metric(data: TrainingData, options: LearnOptions, lyapunov: FloatArray | None) -> FloatArray:
+    if lyapunov is not None:
+        if lyapunov.shape != (data.dimension, data.dimension):
+            raise UsageError(f"lyapunov: expected {data.dimension} x {data.dimension}, got {lyapunov.shape}.")
+        return lyapunov
+    return learn_lyapunov([data.positions]) if options.metric == "learned" else np.eye(data.dimension)
+
+
+def _warnings(
+    demonstrations: DemonstrationSet, forced: float, share: float, options: LearnOptions
+) -> tuple[str, ...]:
+    if forced <= FORCED_SHARE * demonstrations.extent:
+        return ()
+    hint = " --metric learned may fit better." if options.metric == "euclidean" else ""
+    return (
+        f"on {share:.0%} of the demonstrated path V would have to grow, which a quadratic V forbids: "
+        f"expect the motion to stay {forced:.2g} {demonstrations.space.unit} off it on average.{hint}",
+    )

@@ -1,0 +1,83 @@
+"""What a user may choose about learning, and the work each preset spends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from skillctl.errors import UsageError
+
+Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
+Metric: TypeAlias = Literal["learned", "euclidean"]
+Preset: TypeAlias = Literal["fast", "default", "quality"]
+OBJECTIVES: tuple[Objective, ...] = ("reproduction", "mse", "likelihood")
+METRICS: tuple[Metric, ...] = ("learned", "euclidean")
+PRESETS: tuple[Preset, ...] = ("fast", "default", "quality")
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much work a preset spends.
+
+    Attributes:
+        starts: Number of initial partitions tried.
+        probe_steps: Optimiser steps each start gets before the best one goes on.
+        polish_steps: Optimiser steps the best start gets.
+        samples: Points kept per demonstration, uniform in time.
+    """
+
+    starts: int
+    probe_steps: int
+    polish_steps: int
+    samples: int
+
+
+EFFORTS: dict[Preset, Effort] = {
+    "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=40),
+    "default": Effort(starts=3, probe_steps=8, polish_steps=30, samples=50),
+    "quality": Effort(starts=6, probe_steps=12, polish_steps=80, samples=60),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LearnOptions:
+    """Options of ``fit``.
+
+    Attributes:
+        objective: ``reproduction`` (velocities and rollouts), ``mse`` (velocities, least squares) or
+            ``likelihood`` (Eq. 6).
+        metric: ``learned`` finds the Lyapunov matrix P from the data; ``euclidean`` is P = I (Eq. 5).
+        n_components: K. None is seven, or fewer where the data cannot carry seven; ``auto`` selects K by
+            the error on demonstrations left out (by BIC where there is only one demonstration).
+        preset: How much work to spend.
+        seed: Seed of the k-means++ starts.
+        slowest_rate: Certified decay of V in the data's own time unit (its rms distance from the target
+            over its rms speed): every Aₖ keeps at least this rate. 0.001 provably arrives, and crawls.
+    """
+
+    objective: Objective = "reproduction"
+    metric: Metric = "learned"
+    n_components: int | Literal["auto"] | None = None
+    preset: Preset = "default"
+    seed: int = 0
+    slowest_rate: float = 0.03
+
+    def __post_init__(self) -> None:
+        for name, value, valid in (
+            ("objective", self.objective, OBJECTIVES),
+            ("metric", self.metric, METRICS),
+            ("preset", self.preset, PRESETS),
+        ):
+            if value not in valid:
+                raise UsageError(f"{name}: one of {', '.join(valid)}, not {value!r}.")
+        if isinstance(self.n_components, int) and self.n_components < 1:
+            raise UsageError(f"components: at least 1, not {self.n_components}.")
+        if not 0 < self.slowest_rate <= 1:
+            raise UsageError(f"slowest rate: above 0 and at most 1, not {self.slowest_rate:g}.")
+        if self.seed < 0:
+            raise UsageError(f"seed: zero or a positive whole number, not {self.seed}.")
+
+    @property
+    def effort(self) -> Effort:
+        """The work that the preset stands for."""
+        return EFFORTS[self.preset]

@@ -1,0 +1,112 @@
+"""From the learner's parameters to a skill in the user's units, and from a mixture to parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import FitError
+from skillctl.learning.em import JointMixture
+from skillctl.learning.field import Field
+from skillctl.learning.preprocess import TrainingData
+from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+from skillctl.model.mixture import quadratic_coefficients, quadratic_features, softmax
+
+SMALLEST_LOG_PRIOR = -600.0  # exp of it is still a normal float64 after normalisation
+VELOCITY_FLOOR = 1e-4  # smallest residual variance, in squared rms speeds
+
+
+def field_of(mixture: JointMixture) -> Field:
+    """Return the field whose gates are the mixture's responsibilities of the position."""
+    d = mixture.means.shape[1]
+    _, log_determinants = np.linalg.slogdet(2 * np.pi * mixture.covariances)
+    precisions = np.asarray(np.linalg.inv(mixture.covariances), dtype=np.float64)
+    offsets = np.log(mixture.priors) - 0.5 * log_determinants
+    logits = quadratic_coefficients(offsets, mixture.means, precisions, np.zeros(d))
+    return Field(mixture.matrices, logits)
+
+
+def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return priors, means and covariances whose responsibilities are softmax(W φ).
+
+    Logits are quadratics c + lᵀξ − ½ ξᵀQξ whose Q need not be positive definite. Adding one common
+    quadratic −½ (ξ − m)ᵀ G (ξ − m) to all of them changes no weight; G is a multiple of the inverse
+    covariance of the data large enough to make every Q + G well-conditioned, m the data's mean, and of
+    several such multiples the one is taken whose priors differ least (ours).
+
+    Args:
+        logits: W, shape (K, F).
+        positions: The data, shape (N, d); it fixes G and m.
+
+    Raises:
+        FitError: Some prior would underflow whatever the gauge.
+    """
+    k, d = len(logits), positions.shape[1]
+    rows, columns = np.triu_indices(d)
+    quadratic = np.zeros((k, d, d))
+    quadratic[:, rows, columns] = -logits[:, 1 + d :]
+    quadratic = quadratic + quadratic.swapaxes(1, 2)
+    centre = positions.mean(axis=0)
+    covariance = np.cov(positions.T).reshape(d, d) + 1e-3 * np.eye(d)
+    gauge = np.linalg.inv(covariance)
+    root = np.linalg.cholesky(covariance)
+    lowest = float(np.linalg.eigvalsh(root.T @ quadratic @ root).min())
+    base = max(-lowest, 0.0)
+    best: tuple[FloatArray, FloatArray, FloatArray] | None = None
+    spread = -SMALLEST_LOG_PRIOR
+    for extra in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
+        strength = base * 1.1 + extra
+        precisions = quadratic + strength * gauge
+        precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
+        linear = logits[:, 1 : 1 + d] + strength * gauge @ centre
+        covariances = np.linalg.inv(precisions)
+        covariances = 0.5 * (covariances + covariances.swapaxes(1, 2))
+        means = np.einsum("kij,kj->ki", covariances, linear)
+        logs = logits[:, 0] + 0.5 * np.einsum("ki,ki->k", means, linear)
+        logs = logs + 0.5 * np.linalg.slogdet(covariances)[1]
+        if np.ptp(logs) < spread:
+            spread = float(np.ptp(logs))
+            best = softmax(logs.copy()), means, covariances
+    if best is None:
+        raise FitError(
+            "the gates of this fit cannot be written as a Gaussian mixture: some priors underflow.",
+            hint="Use fewer components.",
+        )
+    return best
+
+
+def skill_of(
+    field: Field,
+    density: tuple[FloatArray, FloatArray, FloatArray],
+    data: TrainingData,
+    lyapunov: FloatArray,
+    space: StateSpace,
+) -> SedsSkill:
+    """Return the skill in the user's units.
+
+    Args:
+        field: Parameters in the learner's units.
+        density: Priors, means, covariances of the position density, in the learner's units.
+        data: The training data, for its units, its attractor and the residual covariances.
+        lyapunov: P, shape (d, d); a scalar change of units leaves it as it is.
+        space: What the state means.
+    """
+    positions, velocities = data.points
+    priors, means, covariances = gate_mixture(field.logits, positions)
+    gates = softmax(field.logits @ quadratic_features(positions.T)).T
+    residuals = velocities[:, None] - np.einsum("kij,nj->nki", field.matrices, positions)
+    weighted = gates / (gates.sum(axis=0) + 1e-9)
+    scatter = np.einsum("nk,nki,nkj->kij", weighted, residuals, residuals)
+    scatter = 0.5 * (scatter + scatter.swapaxes(1, 2)) + VELOCITY_FLOOR * np.eye(data.dimension)
+    length, speed = data.length_scale, data.speed_scale
+    return SedsSkill(
+        priors=priors,
+        means=length * means + data.attractor,
+        covariances=length**2 * covariances,
+        system_matrices=field.matrices * (speed / length),
+        residual_covariances=speed**2 * scatter,
+        attractor=data.attractor,
+        lyapunov=lyapunov,
+        density=GaussianMixture(density[0], length * density[1] + data.attractor, length**2 * density[2]),
+        space=space,
+    )

@@ -1,0 +1,131 @@
+"""From recordings to training data: rests trimmed, ends aligned, resampled, one scale for each quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import InputDataError
+from skillctl.model import Demonstration, DemonstrationSet
+
+REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
+EMBEDDED_POINTS = 200  # points kept of each demonstration inside an artifact
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TrainingData:
+    """Demonstrations in the learner's own units: target at the origin, rms distance and rms speed one.
+
+    Attributes:
+        positions: Shape (D, T, d): D demonstrations, T samples each, uniform in time; the last is zero.
+        velocities: Shape (D, T, d).
+        steps: Time between two samples of each demonstration, shape (D,), in units of ``time_scale``.
+        length_scale: One unit of position, in the unit of the space.
+        speed_scale: One unit of velocity, per second.
+        attractor: Mean end point, shape (d,), in the unit of the space.
+    """
+
+    positions: FloatArray
+    velocities: FloatArray
+    steps: FloatArray
+    length_scale: float
+    speed_scale: float
+    attractor: FloatArray
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates of a state."""
+        return int(self.positions.shape[2])
+
+    @property
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """All positions and velocities stacked, each of shape (D·T, d)."""
+        d = self.dimension
+        return self.positions.reshape(-1, d), self.velocities.reshape(-1, d)
+
+    @property
+    def time_scale(self) -> float:
+        """One unit of time, [s]."""
+        return self.length_scale / self.speed_scale
+
+
+def trim_rests(demonstration: Demonstration) -> Demonstration:
+    """Return the demonstration without the samples in which it rests at its start or its end."""
+    x = demonstration.positions
+    limit = REST_SHARE * float(np.linalg.norm(np.ptp(x, axis=0)))
+    away_from_start = np.flatnonzero(np.linalg.norm(x - x[0], axis=1) > limit)
+    away_from_end = np.flatnonzero(np.linalg.norm(x - x[-1], axis=1) > limit)
+    if away_from_end.size == 0 or away_from_start.size == 0:
+        return demonstration
+    first = max(int(away_from_start[0]) - 1, 0)
+    last = min(int(away_from_end[-1]) + 1, len(x) - 1)
+    if last - first < 1:
+        return demonstration
+    # The end of a motion is where it came to rest, not where it crossed the limit.
+    end = demonstration.positions[-1:]
+    positions = np.vstack([x[first:last], end])
+    times = demonstration.times[first : last + 1]
+    return Demonstration.from_positions(times - times[0], positions, demonstration.source)
+
+
+def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArray]:
+    """Trim all demonstrations and translate each so that it ends at the mean end point.
+
+    Returns:
+        The aligned demonstrations and their common end point (d,), the attractor to be.
+    """
+    trimmed = [trim_rests(demonstration) for demonstration in demonstrations]
+    attractor = np.mean([demonstration.positions[-1] for demonstration in trimmed], axis=0)
+    aligned = tuple(d.translated(attractor - d.positions[-1]) for d in trimmed)
+    return DemonstrationSet(aligned, demonstrations.space), attractor
+
+
+def resample(demonstration: Demonstration, samples: int) -> Demonstration:
+    """Return ``samples`` points uniform in time; velocities are differences over one sample spacing.
+
+    The velocity at t is (x(t + δ) − x(t − δ)) / 2δ with δ half a spacing (one-sided at the ends): noise
+    faster than the spacing averages out, and velocities always agree with positions.
+    """
+    t = demonstration.times
+    grid = np.linspace(t[0], t[-1], samples)
+    half = 0.5 * (grid[1] - grid[0])
+    before, after = np.maximum(grid - half, t[0]), np.minimum(grid + half, t[-1])
+    at = [_interpolate(moments, demonstration) for moments in (before, grid, after)]
+    velocities = (at[2] - at[0]) / (after - before)[:, None]
+    return Demonstration(grid, at[1], velocities, demonstration.source)
+
+
+def embedded(demonstrations: DemonstrationSet) -> DemonstrationSet:
+    """Return the demonstrations as an artifact keeps them: at most ``EMBEDDED_POINTS`` points each."""
+    kept = tuple(
+        resample(d, EMBEDDED_POINTS) if len(d.times) > EMBEDDED_POINTS else d for d in demonstrations
+    )
+    return DemonstrationSet(kept, demonstrations.space)
+
+
+def training_data(aligned: DemonstrationSet, attractor: FloatArray, samples: int) -> TrainingData:
+    """Return aligned demonstrations in the learner's units (invariant to the unit of the data).
+
+    Raises:
+        InputDataError: All demonstrations stay at one point.
+    """
+    sampled = [resample(demonstration, samples) for demonstration in aligned]
+    positions = np.stack([s.positions for s in sampled]) - attractor
+    positions[:, -1] = 0.0
+    velocities = np.stack([s.velocities for s in sampled])
+    length_scale = float(np.sqrt(np.mean(np.sum(positions**2, axis=2))))
+    speed_scale = float(np.sqrt(np.mean(np.sum(velocities**2, axis=2))))
+    if not (length_scale > 0 and speed_scale > 0):
+        raise InputDataError("the demonstrations do not move.", hint="Check the position columns.")
+    time_scale = length_scale / speed_scale
+    steps = np.array([s.duration for s in sampled]) / (samples - 1) / time_scale
+    return TrainingData(
+        positions / length_scale, velocities / speed_scale, steps, length_scale, speed_scale, attractor
+    )
+
+
+def _interpolate(moments: FloatArray, demonstration: Demonstration) -> FloatArray:
+    columns = [np.interp(moments, demonstration.times, column) for column in demonstration.positions.T]
+    return np.stack(columns, axis=1)
