@@ -31,14 +31,20 @@ class Controller:
         """Forget which part acts: the next step is a start."""
         self.part, self._expected = None, None
 
-    def step(self, state: npt.ArrayLike) -> FloatArray:
-        """Return the velocity command for the measured state (d,), per second."""
+    def step(self, state: npt.ArrayLike, *, max_speed: float = np.inf) -> FloatArray:
+        """Return the velocity command for the measured state (d,), per second.
+
+        Args:
+            state: Where the robot is, shape (d,).
+            max_speed: The largest speed the robot will be given; a faster command is shortened to it. Said
+                here, a robot that falls behind an uncapped command is not mistaken for a disturbed one.
+        """
         x = np.asarray(state, dtype=np.float64)
         if not isinstance(self.skill, CombinedSkill):
-            return self.skill.velocity(x)
+            return _shortened(self.skill.velocity(x), max_speed)
         if self.part is None or self.skill.gate == "instantaneous" or self._disturbed(x, self.skill):
             self.part = int(self.skill.part_at(x[None])[0])
-        velocity = self.skill.velocity(x, np.array([self.part]))
+        velocity = _shortened(self.skill.velocity(x, np.array([self.part])), max_speed)
         self._expected = x + self.period * velocity
         return velocity
 
@@ -46,3 +52,8 @@ class Controller:
         if self._expected is None:
             return False
         return float(np.linalg.norm(state - self._expected)) > skill.disturbance_distance
+
+
+def _shortened(velocity: FloatArray, max_speed: float) -> FloatArray:
+    speed = float(np.linalg.norm(velocity))
+    return velocity * (max_speed / speed) if speed > max_speed else velocity

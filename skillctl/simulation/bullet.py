@@ -1,0 +1,65 @@
+"""The one door to PyBullet: imported late, its C code kept away from our standard output."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from skillctl.errors import NotFoundError
+
+
+def load_bullet() -> Any:
+    """Return the ``pybullet`` module.
+
+    Raises:
+        NotFoundError: PyBullet is not installed, or its binary does not load.
+    """
+    try:
+        with silenced(2):  # the build date is printed to stderr on import
+            import pybullet
+    except ImportError as error:
+        reason = (
+            "is not installed" if isinstance(error, ModuleNotFoundError) else f"cannot be loaded ({error})"
+        )
+        raise NotFoundError(
+            f"PyBullet {reason}; only 'simulate' needs it.",
+            hint="Use Python 3.10 or 3.11 on Linux x86_64, where it is installed with skillctl, or build it: "
+            "pip install 'skillctl[sim]' (needs a C++ compiler and some minutes).",
+        ) from error
+    return pybullet
+
+
+@contextmanager
+def silenced(descriptor: int) -> Iterator[None]:
+    """Discard what anybody, C code included, writes to a file descriptor (1 or 2) within the block.
+
+    Replacing ``sys.stdout`` would not reach C code, and C keeps its own buffer: it is emptied before
+    the descriptor is given back, or its text would surface afterwards.
+    """
+    _flush()
+    try:
+        saved = os.dup(descriptor)
+    except OSError:  # closed by our caller: nothing to protect
+        yield
+        return
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, descriptor)
+        yield
+    finally:
+        _flush()
+        os.dup2(saved, descriptor)
+        os.close(sink)
+        os.close(saved)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:  # pythonw and daemons have none
+            stream.flush()
+    if os.name == "posix":
+        ctypes.CDLL(None).fflush(None)

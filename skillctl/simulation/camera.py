@@ -1,0 +1,94 @@
+"""A camera that frames what it is shown, and says where points are in its picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skillctl.arrays import BoolArray, FloatArray, IntArray
+from skillctl.simulation.arm import ArmBody
+
+FIELD_OF_VIEW = math.radians(36.0)  # vertical
+NEAR, FAR = 0.1, 12.0  # [m]
+MARGIN = 0.94  # share of the picture that the framed points may use
+LIGHT = np.array([-0.5, 1.1, 0.6])  # from the scene, as right, up and towards the viewer
+LIGHT_DISTANCE = 10.0  # Bullet's default is so near that everything shades itself
+BURIED = 0.012  # [m]: a point this far behind a surface is hidden; nearer ones are on it
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class View:
+    """One rendered picture.
+
+    Attributes:
+        colours: Shape (height, width, 3), 0 to 255.
+        depths: Distance of each pixel's surface along the viewing direction, shape (height, width), [m].
+        surface: Bullet's number of the body each pixel shows, −1 for none. Shape (height, width).
+    """
+
+    colours: np.ndarray[Any, np.dtype[np.uint8]]
+    depths: FloatArray
+    surface: IntArray
+
+
+class Camera:
+    """Looks along a fixed direction from where all given points are in the picture."""
+
+    def __init__(self, points: FloatArray, towards: FloatArray, width: int, height: int) -> None:
+        """Args: points (n, 3) to frame; direction (3,) from them to the camera; size of the picture."""
+        self.width, self.height = width, height
+        back = towards / np.linalg.norm(towards)
+        right = np.cross((0.0, 0.0, 1.0), back)
+        right /= np.linalg.norm(right)
+        self._axes = np.stack([right, np.cross(back, right), back])  # rows: right, up, towards the viewer
+        self._tangents = math.tan(FIELD_OF_VIEW / 2) * np.array([width / height, 1.0])
+        seen = points @ self._axes.T
+        middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+        offsets = seen - middle
+        # A point is inside when |x| ≤ tangent · (distance − depth), so the widest point sets the distance.
+        needed = np.abs(offsets[:, :2]) / (MARGIN * self._tangents) + offsets[:, 2:]
+        self.eye = middle @ self._axes + float(needed.max()) * back
+
+    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where points (n, 3) are in the picture, and their distance along the view (n,), [m].
+
+        Shape (n, 2): 0 to 1 from left to right, and from top to bottom.
+        """
+        seen = (points - self.eye) @ self._axes.T
+        depths = -seen[:, 2]
+        plane = seen[:, :2] / (depths[:, None] * self._tangents)  # −1 … 1
+        return 0.5 * (1 + plane * (1, -1)), depths
+
+    def hidden(self, points: FloatArray, view: View) -> BoolArray:
+        """Return which points (n, 3) lie behind a surface of the picture. Shape (n,)."""
+        places, depths = self.project(points)
+        columns = np.clip((self.width * places[:, 0]).astype(int), 0, self.width - 1)
+        rows = np.clip((self.height * places[:, 1]).astype(int), 0, self.height - 1)
+        return np.asarray(depths > view.depths[rows, columns] + BURIED)
+
+    def render(self, body: ArmBody) -> View:
+        """Return the picture of everything in the body's world."""
+        bullet = body.bullet
+        aspect = self.width / self.height
+        _, _, colours, buffer, bodies = bullet.getCameraImage(
+            self.width,
+            self.height,
+            bullet.computeViewMatrix(self.eye.tolist(), (self.eye - self._axes[2]).tolist(), (0.0, 0.0, 1.0)),
+            bullet.computeProjectionMatrixFOV(math.degrees(FIELD_OF_VIEW), aspect, NEAR, FAR),
+            shadow=1,
+            lightDirection=(LIGHT @ self._axes).tolist(),
+            lightDistance=LIGHT_DISTANCE,
+            lightAmbientCoeff=0.62,
+            lightDiffuseCoeff=0.45,
+            lightSpecularCoeff=0.03,
+            renderer=bullet.ER_TINY_RENDERER,
+            physicsClientId=body.client,
+        )
+        shape = (self.height, self.width)
+        pixels = np.reshape(np.asarray(colours, dtype=np.uint8), (*shape, 4))[:, :, :3]
+        buffered = np.reshape(np.asarray(buffer, dtype=np.float64), shape)
+        depths = FAR * NEAR / (FAR - (FAR - NEAR) * buffered)
+        return View(pixels, depths, np.reshape(np.asarray(bodies, dtype=np.int64), shape))

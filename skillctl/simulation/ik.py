@@ -1,0 +1,142 @@
+"""Inverse kinematics: Bullet's solver, made dependable by damping, clamping, checking and restarting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
+
+HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
+HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
+YAW_SHARE = 0.5  # of the azimuth: between straight ahead (0) and radial (1)
+
+DAMPING = 0.1  # per joint, fingers included: Bullet silently ignores a list of another length
+STEP_ITERATIONS, SEARCH_ITERATIONS, SEARCH_RESEEDS, SEARCH_RESTARTS = 20, 100, 20, 8
+IK_THRESHOLD = 1e-6  # Bullet's own stopping criterion
+ACCEPTED_RESIDUAL = 5e-3  # [m]; typical residuals are below 1e-5
+ACCEPTED_JUMP = 0.3  # [rad] in one step; typical steps are 0.004 to 0.025
+POSE_POSITION, POSE_ANGLE = 1e-4, math.radians(1.0)  # a searched pose is this exact, or not found
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Solution:
+    """Joints (n,) [rad] within the limits, and how far the hand then is from where it should be, [m].
+
+    ``accepted`` says whether the joints may be commanded.
+    """
+
+    joints: FloatArray
+    residual: float
+    accepted: bool
+
+
+class Kinematics:
+    """Where the joints must be for the hand to be somewhere; computed on an arm that nothing else moves.
+
+    The hand's orientation follows from its position p, with ψ = yaw + ½ (azimuth(p) − yaw), yaw being
+    the base's: ``horizontal``: approach axis (cos ψ cos θ, sin ψ cos θ, −sin θ) with θ = 0.25 rad and a
+    horizontal finger axis; ``down``: the same with θ = π/2; ``free``: any orientation.
+    """
+
+    def __init__(self, body: ArmBody, hand: HandPolicy, base_yaw: float) -> None:
+        """Args: body, used by nobody else; hand; base_yaw of the body, [rad]."""
+        self._body = body
+        self._hand = hand
+        self._base_yaw = base_yaw
+        self.model = model = body.model
+        self.lower, self.upper = model.lower + LIMIT_MARGIN, model.upper - LIMIT_MARGIN
+        self.home = model.home_joints(HAND_PITCH[hand])
+        self._damping = [DAMPING] * (model.n_joints + len(model.fingers))
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """Return the hand's position (3,) for joints (n,)."""
+        self._body.pose(joints)
+        return self._body.hand()[0]
+
+    def follow(self, point: FloatArray, joints: FloatArray) -> Solution:
+        """Return the joints for a hand at ``point`` (3,) that was at ``joints`` (n,) one period ago."""
+        found = self._solve(point, joints, STEP_ITERATIONS)
+        position, _ = self._body.hand()
+        residual = float(np.linalg.norm(position - point))
+        jump = float(np.abs(found - joints).max())
+        # Written so that a NaN anywhere is a refusal.
+        return Solution(found, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
+
+    def search(self, point: FloatArray, seed: int) -> Solution:
+        """Return joints for a hand at ``point`` (3,) without knowing any near by: the reachability oracle.
+
+        Tries the ready posture, the same turned towards the point, then random postures drawn from
+        ``seed``. ``accepted`` if the pose is met within 0.1 mm and 1 degree; else the closest found.
+        """
+        generator = np.random.default_rng(seed)
+        turned = self.home.copy()
+        turned[0] = self._relative_azimuth(point)
+        starts = [
+            self.home,
+            turned,
+            *generator.uniform(self.lower, self.upper, (SEARCH_RESTARTS, len(turned))),
+        ]
+        best = Solution(self.home, math.inf, False)
+        for start in starts:
+            found = self._search_from(np.clip(start, self.lower, self.upper), point)
+            if found.accepted:
+                return found
+            best = min(best, found, key=lambda solution: solution.residual)
+        return best
+
+    def _search_from(self, joints: FloatArray, point: FloatArray) -> Solution:
+        residual, angle = math.inf, math.inf
+        for _ in range(SEARCH_RESEEDS):
+            joints = self._solve(point, joints, SEARCH_ITERATIONS)
+            position, orientation = self._body.hand()
+            residual = float(np.linalg.norm(position - point))
+            angle = self._angle_to(orientation, point)
+            if residual < POSE_POSITION and angle < POSE_ANGLE:
+                return Solution(joints, residual, True)
+        return Solution(joints, residual, False)
+
+    def _solve(self, point: FloatArray, joints: FloatArray, iterations: int) -> FloatArray:
+        """Return clamped joints and leave the body in them."""
+        body = self._body
+        body.pose(joints)  # Bullet starts from the body's state; its currentPositions= shifts the frame
+        orientation = self._orientation(point)
+        target = (point.tolist(),) if orientation is None else (point.tolist(), orientation)
+        found = body.bullet.calculateInverseKinematics(
+            body.body,
+            body.model.tip,
+            *target,
+            jointDamping=self._damping,
+            maxNumIterations=iterations,
+            residualThreshold=IK_THRESHOLD,
+            physicsClientId=body.client,
+        )
+        clamped = np.clip(found[: body.model.n_joints], self.lower, self.upper)
+        body.pose(clamped)
+        return np.asarray(clamped)
+
+    def _orientation(self, point: FloatArray) -> tuple[float, float, float, float] | None:
+        """Return the hand's orientation q_xyzw at ``point``; None if it does not matter."""
+        if self._hand == "free":
+            return None
+        yaw = self._base_yaw + YAW_SHARE * self._relative_azimuth(point)
+        pitch = HAND_PITCH[self._hand]
+        flipped = self._body.model.finger_axis < 0
+        euler = (math.pi, pitch - math.pi / 2, yaw) if flipped else (0.0, pitch + math.pi / 2, yaw)
+        x, y, z, w = self._body.bullet.getQuaternionFromEuler(euler)
+        return x, y, z, w
+
+    def _relative_azimuth(self, point: FloatArray) -> float:
+        azimuth = math.atan2(point[1], point[0]) - self._base_yaw
+        return math.remainder(azimuth, math.tau)
+
+    def _angle_to(self, orientation: tuple[float, float, float, float], point: FloatArray) -> float:
+        wanted = self._orientation(point)
+        if wanted is None:
+            return 0.0
+        cosine = abs(float(np.dot(orientation, wanted)))
+        return 2 * math.acos(min(1.0, cosine))

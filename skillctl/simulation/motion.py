@@ -1,0 +1,115 @@
+"""The motion asked of the hand: a skill's velocity field in the workspace, at speeds an arm can follow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.model.controller import Controller
+from skillctl.model.skill import CombinedSkill, Skill, attractors_of
+from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.options import SimulationOptions
+from skillctl.simulation.placement import Placement
+
+LONGEST_PLAN = 60.0  # [s]
+PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
+WORKSPACE_RADIUS = 3.0  # [m]: a plan that leaves it is a skill that diverges
+
+
+class Motion:
+    """Turns the perceived hand position into the hand's velocity, once per control period.
+
+    The skill gives the direction; the speed is the skill's, reduced where it exceeds the speed cap, what
+    the acceleration allows since the last step, or √(a · distance to the target), from which the hand
+    can brake with a. Reducing the speed changes no path: a skill times a positive factor has the same
+    trajectories and stays stable (Eq. 7, first half).
+    """
+
+    def __init__(self, skill: Skill, placement: Placement, options: SimulationOptions) -> None:
+        """Args: skill, already moved to its target; placement; options, for the limits."""
+        self._skill = skill
+        self._placement = placement
+        self._max_speed, self._max_acceleration = options.max_speed, options.max_acceleration
+        self._controller = Controller(skill, CONTROL_PERIOD)
+        self._goals = placement.to_workspace(attractors_of(skill))
+        self._speed = 0.0
+
+    @property
+    def part(self) -> int:
+        """The part that acts, 0 for a skill without regions."""
+        return self._controller.part or 0
+
+    def target(self, position: FloatArray) -> FloatArray:
+        """Return where the acting part ends, shape (3,); for instantaneous gates the nearest end."""
+        if len(self._goals) == 1:
+            return np.asarray(self._goals[0])
+        if isinstance(self._skill, CombinedSkill) and self._skill.gate == "latched":
+            return np.asarray(self._goals[self.part])
+        nearest = np.linalg.norm(self._goals - position, axis=1).argmin()
+        return np.asarray(self._goals[nearest])
+
+    def distance_to_goals(self, position: FloatArray) -> float:
+        """Return the distance of a position (3,) to the nearest end of any part, [m]."""
+        return float(np.linalg.norm(self._goals - position, axis=1).min())
+
+    def velocity(self, position: FloatArray) -> FloatArray:
+        """Return the hand's velocity (3,) [m/s] at a perceived position (3,)."""
+        distance = float(np.linalg.norm(self.target(position) - position))
+        limit = min(
+            self._max_speed,
+            self._speed + self._max_acceleration * CONTROL_PERIOD,
+            math.sqrt(self._max_acceleration * distance),
+        )
+        state = self._placement.to_state(position)
+        inner = self._controller.step(state, max_speed=limit / self._placement.scale)
+        velocity = self._placement.lift(inner, position)
+        speed = float(np.linalg.norm(velocity))
+        if speed > limit:  # only the way to a plane can add to the skill's own speed
+            velocity *= limit / speed
+        self._speed = min(speed, limit)
+        return velocity
+
+    def slowed(self, factor: float) -> None:
+        """Say that only this share of the last velocity was commanded."""
+        self._speed *= factor
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plan:
+    """The ideal motion: what a hand that obeys at once would do.
+
+    Attributes:
+        positions: Every control period, shape (n, 3), [m].
+        target: Where it was going at its end, shape (3,).
+        arrived: Whether it got there within the longest time.
+    """
+
+    positions: FloatArray
+    target: FloatArray
+    arrived: bool
+
+    @property
+    def duration(self) -> float:
+        """Time the plan takes, [s]."""
+        return CONTROL_PERIOD * (len(self.positions) - 1)
+
+
+def plan_motion(skill: Skill, placement: Placement, options: SimulationOptions, start: FloatArray) -> Plan:
+    """Return the ideal motion from a workspace position (3,)."""
+    motion = Motion(skill, placement, options)
+    position = start
+    positions = [position]
+    arrived = False
+    for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
+        velocity = motion.velocity(position)
+        position = position + CONTROL_PERIOD * velocity
+        if not np.linalg.norm(position) < WORKSPACE_RADIUS:
+            break
+        positions.append(position)
+        if np.linalg.norm(motion.target(position) - position) < PLAN_ARRIVAL * options.tolerance:
+            arrived = True
+            break
+    return Plan(np.stack(positions), motion.target(position), arrived)

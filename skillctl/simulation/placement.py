@@ -1,0 +1,127 @@
+"""Where a skill's states lie in the arm's workspace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import Skill, attractors_of, density_of
+from skillctl.simulation.arm import ArmModel
+from skillctl.simulation.options import Plane, SimulationOptions
+
+PLACED_SIZE = 0.3  # [m], longest side of a motion that had to be scaled
+NATURAL_SIZES = (0.15, 0.45)  # [m]: a motion of this size is left as it is
+TABLE_HEIGHT = 0.3  # [m], of the xy plane
+DENSITY_REACH = 2.0  # standard deviations around each component that count as part of the motion
+PLANE_RATE = 2.0  # [1/s], at which the hand is drawn to the plane of a 2-D skill
+PREVIEW_DURATION, PREVIEW_PERIOD = 20.0, 0.02  # [s], of the rollout that shows how much room a motion needs
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Placement:
+    """The similarity x = origin + scale · axes · ξ from a skill's states ξ to workspace positions x [m].
+
+    Attributes:
+        axes: Workspace direction of each of the skill's coordinates, orthonormal. Shape (3, d).
+        origin: Workspace position of ξ = 0. Shape (3,), [m].
+        scale: Workspace metres per metre of the skill.
+        plane: Name of the plane of a 2-D skill, None for a 3-D one.
+    """
+
+    axes: FloatArray
+    origin: FloatArray
+    scale: float
+    plane: Plane | None
+
+    def to_workspace(self, states: FloatArray) -> FloatArray:
+        """Return the positions (…, 3) of states (…, d)."""
+        return np.asarray(self.origin + self.scale * states @ self.axes.T)
+
+    def to_state(self, positions: FloatArray) -> FloatArray:
+        """Return the states (…, d) of positions (…, 3), seen along the plane's normal for a 2-D skill."""
+        return np.asarray((positions - self.origin) @ self.axes / self.scale)
+
+    def lift(self, velocity: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the hand's velocity (3,) for a skill's velocity (d,) at a workspace position (3,).
+
+        Outside the plane of a 2-D skill a velocity towards the plane is added, which depends on the
+        distance to the plane alone and decays exponentially: the skill's own convergence is untouched.
+        """
+        offset = position - self.origin
+        outside = offset - self.axes @ (self.axes.T @ offset)
+        return np.asarray(self.scale * self.axes @ velocity - PLANE_RATE * outside)
+
+
+def placements(skill: Skill, model: ArmModel, options: SimulationOptions) -> list[Placement]:
+    """Return where the skill may be placed, the best first; more than one only if the scale is free.
+
+    Raises:
+        UsageError: The skill's states are not positions in two or three dimensions, in metres.
+    """
+    d = skill.dimension
+    if skill.space.unit != "m" or d not in (2, 3):
+        raise UsageError(
+            f"a skill with {d} coordinate{'s' if d > 1 else ''} in {skill.space.unit} cannot be placed in "
+            "an arm's workspace.",
+            hint="Simulate skills learned from hand positions: 2 or 3 coordinates in metres.",
+        )
+    if d == 3:
+        if options.plane is not None:
+            raise UsageError("plane: this skill has three coordinates; a plane is for two.")
+        origin = np.zeros(3) if options.origin is None else np.array(options.origin)
+        return [Placement(np.eye(3), origin, options.scale or 1.0, None)]
+    plane = options.plane or _named_plane(skill)
+    axes = np.eye(3)[:, ["xyz".index(axis) for axis in plane]]
+    low, high = _box(skill, options)
+    if options.scale is not None:
+        scales = [options.scale]
+    else:
+        scales = [factor * _natural_scale(float((high - low).max())) for factor in (1.0, 0.75, 0.5)]
+    return [_centred(axes, 0.5 * (low + high), scale, plane, model, options) for scale in scales]
+
+
+def _named_plane(skill: Skill) -> Plane:
+    match skill.space.names:
+        case ("x", "z"):
+            return "xz"
+        case ("y", "z"):
+            return "yz"
+    return "xy"
+
+
+def _natural_scale(size: float) -> float:
+    if NATURAL_SIZES[0] <= size <= NATURAL_SIZES[1]:
+        return 1.0
+    return float(f"{PLACED_SIZE / size:.2g}")  # two digits, so that people can repeat it
+
+
+def _box(skill: Skill, options: SimulationOptions) -> tuple[FloatArray, FloatArray]:
+    """Return the corners (d,) of the box that holds the skill's motions, in its own coordinates."""
+    density = density_of(skill)
+    spread = DENSITY_REACH * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
+    points = [density.means - spread, density.means + spread, attractors_of(skill)]
+    if options.start is not None:
+        preview = rollout(skill, [options.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
+        points.append(preview.positions[0])
+    stacked = np.vstack(points)
+    return stacked.min(axis=0), stacked.max(axis=0)
+
+
+def _centred(
+    axes: FloatArray,
+    centre: FloatArray,
+    scale: float,
+    plane: Plane,
+    model: ArmModel,
+    options: SimulationOptions,
+) -> Placement:
+    if options.origin is not None:
+        return Placement(axes, np.array(options.origin), scale, plane)
+    middle = np.array(model.reach_centre)
+    if plane == "xy":
+        middle[2] = TABLE_HEIGHT
+    return Placement(axes, middle - scale * axes @ centre, scale, plane)

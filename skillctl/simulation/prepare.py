@@ -1,0 +1,116 @@
+"""Before the first step: placement, hand, base, start posture and plan; refuses what cannot be reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import GoalNotReachedError
+from skillctl.model.skill import Skill, attractors_of
+from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
+from skillctl.simulation.ik import HandPolicy, Kinematics, Solution
+from skillctl.simulation.motion import Plan, plan_motion
+from skillctl.simulation.options import SimulationOptions
+from skillctl.simulation.placement import Placement, placements
+
+UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
+TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
+REHEARSAL_STRIDE = 8  # control periods: at most 1 cm at the default speed
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Setup:
+    """Everything an episode needs to begin.
+
+    Attributes:
+        model, placement, hand, base_yaw: The choices made.
+        joints: Start posture, shape (n,), [rad].
+        plan: The ideal motion from there.
+    """
+
+    model: ArmModel
+    placement: Placement
+    hand: HandPolicy
+    base_yaw: float
+    joints: FloatArray
+    plan: Plan
+
+
+def prepare(skill: Skill, options: SimulationOptions) -> Setup:
+    """Return the first placement and hand with which the arm can follow the whole plan.
+
+    If there is none, the first whose start and target can be reached: the episode then shows where the
+    plan cannot be followed.
+
+    Raises:
+        UsageError: See ``placements``.
+        GoalNotReachedError: No choice lets the hand be both at the start and at the target.
+    """
+    model = ARMS[options.arm]
+    fallback: Setup | None = None
+    for placement in placements(skill, model, options):
+        base_yaw = _facing(skill, placement) if options.base_yaw is None else options.base_yaw
+        with ArmBody(model, base_yaw) as body:
+            for hand in _hands(placement, options):
+                kinematics = Kinematics(body, hand, base_yaw)
+                try:
+                    joints, plan = _start_and_plan(skill, placement, kinematics, options)
+                except GoalNotReachedError as error:
+                    refusal = error
+                    continue
+                setup = Setup(model, placement, hand, base_yaw, joints, plan)
+                if _followable(kinematics, joints, plan):
+                    return setup
+                fallback = fallback or setup
+    if fallback is None:
+        raise refusal
+    return fallback
+
+
+def _hands(placement: Placement, options: SimulationOptions) -> Sequence[HandPolicy]:
+    if options.hand is not None:
+        return (options.hand,)
+    return TABLE_HANDS if placement.plane == "xy" else UPRIGHT_HANDS
+
+
+def _facing(skill: Skill, placement: Placement) -> float:
+    """Return the multiple of a quarter turn nearest to the azimuth of the middle of all attractors."""
+    x, y, _ = placement.to_workspace(attractors_of(skill)).mean(axis=0)
+    return round(math.atan2(y, x) / (math.pi / 2)) * (math.pi / 2)
+
+
+def _start_and_plan(
+    skill: Skill, placement: Placement, kinematics: Kinematics, options: SimulationOptions
+) -> tuple[FloatArray, Plan]:
+    joints = kinematics.home
+    if options.start is not None:
+        point = placement.to_workspace(np.array(options.start))
+        joints = _required("start", point, kinematics.search(point, options.seed), options)
+    plan = plan_motion(skill, placement, options, kinematics.forward(joints))
+    _required("target", plan.target, kinematics.search(plan.target, options.seed), options)
+    return joints, plan
+
+
+def _required(name: str, point: FloatArray, found: Solution, options: SimulationOptions) -> FloatArray:
+    if found.accepted:
+        return found.joints
+    x, y, z = point
+    raise GoalNotReachedError(
+        f"unreachable: the {name} ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside the workspace of the "
+        f"{options.arm} arm; the closest posture found leaves the hand {1e3 * found.residual:.0f} mm away.",
+        hint=f"Choose another --{name}, or move the whole skill with --origin.",
+    )
+
+
+def _followable(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> bool:
+    """Whether neighbouring joints exist all along the plan (n, 3), without dynamics."""
+    for point in [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]:
+        solution = kinematics.follow(point, joints)
+        if not solution.accepted:
+            return False
+        joints = solution.joints
+    return True

@@ -1,0 +1,196 @@
+"""Run a skill on an arm: prepare, control at 240 Hz, judge."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+from skillctl.model.skill import Skill, retargeted
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, ArmState, DrivenArm
+from skillctl.simulation.bullet import silenced
+from skillctl.simulation.episode import Episode, Outcome, TimeSeries, measure
+from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.motion import Motion
+from skillctl.simulation.options import SimulationOptions
+from skillctl.simulation.prepare import Setup, prepare
+
+FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference yields
+FEEDBACK_RATE = 3.0  # [1/s]
+COMMANDED_SHARE = 0.95  # of the real arm's joint velocity: the motors overshoot a little
+UNREACHABLE_TIME = 0.25  # [s] without joints for the reference, in a row
+DIVERGED_FACTOR, DIVERGED_ROOM = 1.5, 0.05  # of the plan's largest distance to its target; [m]
+HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
+PROGRESS_STEPS = 24  # control periods between two reports
+
+Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
+
+
+def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | None = None) -> Episode:
+    """Return what happens when an arm moves its hand as the skill says, in simulation.
+
+    Every control period the reference moves with the skill's velocity at the *measured* hand position,
+    and the arm's position motors follow it. Equal arguments give equal results, bit for bit, in any
+    process on the same machine and build. A success shows that the arm's workspace, speed and torque
+    allow the motion; it says nothing about obstacles, friction or people near a real arm.
+
+    Args:
+        skill: Any skill over hand positions in two or three dimensions.
+        options: Arm, placement, start, target, limits.
+        progress: Called every tenth of a simulated second.
+
+    Raises:
+        NotFoundError: PyBullet is not installed.
+        UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
+        GoalNotReachedError: Start or target lies where the arm's hand cannot be.
+    """
+    began = time.perf_counter()
+    if options.start is not None and len(options.start) != skill.dimension:
+        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(options.start)}.")
+    if options.target is not None:
+        skill = retargeted(skill, options.target)
+    with silenced(1):
+        setup = prepare(skill, options)
+        model, plan = setup.model, setup.plan
+        motion = Motion(skill, setup.placement, options)
+        with ArmBody(model, setup.base_yaw) as twin, ArmBody(model, setup.base_yaw) as body:
+            kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
+            outcome, series = _drive(
+                setup, kinematics, DrivenArm(body, setup.joints), motion, options, progress
+            )
+    target = motion.target(series.hand[-1])
+    return Episode(
+        outcome=outcome,
+        arm=model,
+        hand=setup.hand,
+        base_yaw=setup.base_yaw,
+        placement=setup.placement,
+        target=target,
+        plan=plan,
+        series=series,
+        metrics=measure(series, plan, target, model, options.tolerance),
+        wall_seconds=time.perf_counter() - began,
+    )
+
+
+def _drive(
+    setup: Setup,
+    kinematics: Kinematics,
+    arm: DrivenArm,
+    motion: Motion,
+    options: SimulationOptions,
+    progress: Progress | None,
+) -> tuple[Outcome, TimeSeries]:
+    horizon = _horizon(setup, options)
+    judge, log = _Judge.of(setup, options), _Log()
+    follower = _Follower(kinematics, setup.joints)
+    outcome: Outcome | None = None
+    for step in range(math.ceil(horizon / CONTROL_PERIOD) + 1):
+        state = arm.state()
+        velocity = motion.velocity(state.hand)
+        log.add(step, state, follower, motion.part)
+        outcome = judge.outcome(motion, state.hand, velocity, follower.refusals)
+        if outcome is not None:
+            break
+        joints = follower.joints
+        motion.slowed(follower.advance(velocity, state.hand))
+        arm.drive(joints, follower.joints)
+        if progress is not None and step % PROGRESS_STEPS == 0:
+            progress(step * CONTROL_PERIOD, horizon)
+    return outcome or "timeout", log.series()
+
+
+def _horizon(setup: Setup, options: SimulationOptions) -> float:
+    if options.horizon is not None:
+        return options.horizon
+    if not setup.plan.arrived:
+        return setup.plan.duration
+    return HORIZON_FACTOR * setup.plan.duration + HORIZON_SLACK
+
+
+class _Follower:
+    """Moves the reference, and the commanded joints with it, never faster than the joints can go."""
+
+    def __init__(self, kinematics: Kinematics, joints: FloatArray) -> None:
+        self._kinematics = kinematics
+        self._largest_step = COMMANDED_SHARE * CONTROL_PERIOD * kinematics.model.max_velocity
+        self.reference = kinematics.forward(joints)
+        self.joints = joints
+        self.residual = 0.0
+        self.refusals = 0
+
+    def advance(self, velocity: FloatArray, hand: FloatArray) -> float:
+        """Move on for one period; return the share of the velocity (3,) that the joints allowed."""
+        gap = hand - self.reference
+        if np.linalg.norm(gap) > FEEDBACK_GAP:
+            velocity = velocity + FEEDBACK_RATE * gap
+        step = CONTROL_PERIOD * velocity
+        solution = self._kinematics.follow(self.reference + step, self.joints)
+        self.residual = solution.residual
+        if not solution.accepted:  # stand still; the reference goes on and may become reachable again
+            self.refusals += 1
+            self.reference = self.reference + step
+            return 1.0
+        self.refusals = 0
+        joint_step = solution.joints - self.joints
+        share = 1.0 / max(1.0, float((np.abs(joint_step) / self._largest_step).max()))
+        self.reference = self.reference + share * step
+        self.joints = self.joints + share * joint_step
+        return share
+
+
+@dataclass(slots=True)
+class _Judge:
+    """Decides when an episode is over, and how it ended."""
+
+    tolerance: float
+    settle_steps: int
+    farthest: float
+    steps_near: int = 0
+
+    @classmethod
+    def of(cls, setup: Setup, options: SimulationOptions) -> _Judge:
+        distances = np.linalg.norm(setup.plan.positions - setup.plan.target, axis=1)
+        planned = distances.max() if setup.plan.arrived else distances[0]
+        farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM
+        return cls(options.tolerance, math.ceil(options.settle_time / CONTROL_PERIOD), farthest)
+
+    def outcome(
+        self, motion: Motion, hand: FloatArray, velocity: FloatArray, refusals: int
+    ) -> Outcome | None:
+        """Return how the episode ended, None while it goes on."""
+        if not np.isfinite(velocity).all() or not motion.distance_to_goals(hand) < self.farthest:
+            return "diverged"
+        if refusals * CONTROL_PERIOD >= UNREACHABLE_TIME:
+            return "unreachable"
+        near = np.linalg.norm(hand - motion.target(hand)) < self.tolerance
+        self.steps_near = self.steps_near + 1 if near else 0
+        return "reached" if self.steps_near > self.settle_steps else None
+
+
+@dataclass(slots=True)
+class _Log:
+    """Collects rows, and turns them into a time series."""
+
+    rows: list[tuple[int, ArmState, FloatArray, float, int]] = field(default_factory=list)
+
+    def add(self, step: int, state: ArmState, follower: _Follower, part: int) -> None:
+        self.rows.append((step, state, follower.reference, follower.residual, part))
+
+    def series(self) -> TimeSeries:
+        steps, states, references, residuals, parts = zip(*self.rows, strict=True)
+        return TimeSeries(
+            times=CONTROL_PERIOD * np.array(steps, dtype=np.float64),
+            reference=np.stack(references),
+            hand=np.stack([state.hand for state in states]),
+            joints=np.stack([state.joints for state in states]),
+            velocities=np.stack([state.velocities for state in states]),
+            torques=np.stack([state.torques for state in states]),
+            residuals=np.array(residuals, dtype=np.float64),
+            parts=np.array(parts, dtype=np.int64),
+        )
