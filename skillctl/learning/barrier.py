@@ -6,9 +6,13 @@ With V = ξᵀPξ, component k is stable at rate ε when S_k = −½(P A_k + A_k
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import BoolArray, FloatArray
+
+DONE = 1e-3  # Newton decrement, in units of the barrier's weight, at which a level of the path is left
 
 
 class StabilityBarrier:
@@ -111,7 +115,8 @@ def constrained_regression(
         smooth = 0.5 * np.einsum("ki,kij,kj->k", flat, quadratic, flat) - np.einsum("ki,ki->k", linear, flat)
         return np.asarray(smooth + weight * barrier.value(candidates))
 
-    for level in 10.0 ** np.arange(-1, np.log10(final_weight) - 0.5, -1):
+    first_level = -1 if start is None else -3
+    for level in 10.0 ** np.arange(first_level, np.log10(final_weight) - 0.5, -1):
         weight = level * scale
         value = cost(matrices, weight)
         for _ in range(8):
@@ -120,15 +125,30 @@ def constrained_regression(
             slope = slope + weight[:, None] * gradient
             step = -np.linalg.solve(quadratic + weight[:, None, None] * hessian, slope[..., None])[..., 0]
             decrement = -np.einsum("ki,ki->k", slope, step)
-            length = np.ones(k)
-            for _ in range(20):
-                trial = matrices + (length[:, None] * step).reshape(k, d, d)
-                better = cost(trial, weight) <= value - 0.1 * length * decrement
-                if better.all():
-                    break
-                length = np.where(better, length, 0.5 * length)
-            matrices = np.where(better[:, None, None], trial, matrices)
-            value = cost(matrices, weight)
-            if (decrement < 1e-6 * weight).all():
+            active = decrement > DONE * weight
+            if not active.any():
                 break
+            matrices, value = _line_search(cost, matrices, value, step, decrement, active, weight)
     return matrices
+
+
+def _line_search(
+    cost: Callable[[FloatArray, FloatArray], FloatArray],
+    matrices: FloatArray,
+    value: FloatArray,
+    step: FloatArray,
+    decrement: FloatArray,
+    active: BoolArray,
+    weight: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return each problem's matrices and cost after backtracking along its Newton step."""
+    length = np.ones(len(matrices))
+    for _ in range(20):
+        trial = matrices + (length[:, None] * step).reshape(matrices.shape)
+        trial_value = cost(trial, weight)
+        better = trial_value <= value - 0.1 * length * decrement
+        if (better | ~active).all():
+            break
+        length = np.where(better, length, 0.5 * length)
+    taken = better & active
+    return np.where(taken[:, None, None], trial, matrices), np.where(taken, trial_value, value)

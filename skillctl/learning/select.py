@@ -66,8 +66,8 @@ def _bic(data: TrainingData, lyapunov: FloatArray, k: int, options: LearnOptions
     (mixture, *_) = initial_mixtures(data, barrier, k, options, lambda _: None)
     n, d = data.points[0].shape
     per_component = 1 + d + d * (d + 1) + d * d  # prior, mean, Σ and C, A
-    parameters = float(k * per_component - 1)
-    return parameters * float(np.log(n)) - 2.0 * n * log_likelihood(mixture, *data.points)
+    likelihood = log_likelihood(mixture, *data.points)
+    return float((k * per_component - 1) * np.log(n) - 2 * n * likelihood)
 
 
 def _subset(data: TrainingData, keep: np.typing.NDArray[np.bool_]) -> TrainingData:

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import cvxpy
+import numpy as np
+import pytest
+
+from skillctl.learning.barrier import StabilityBarrier, constrained_regression, strictly_inside
+
+RATE = 0.05
+
+
+def random_spd(generator: np.random.Generator, d: int) -> np.ndarray:
+    root = generator.standard_normal((d, d))
+    return root @ root.T + 0.3 * np.eye(d)
+
+
+def stable(generator: np.random.Generator, barrier: StabilityBarrier, k: int) -> np.ndarray:
+    d = len(barrier.lyapunov)
+    return strictly_inside(generator.standard_normal((k, d, d)), barrier, 0.2)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 6])
+def test_gradient_and_hessian_agree_with_finite_differences(d: int) -> None:
+    generator = np.random.default_rng(d)
+    barrier = StabilityBarrier(random_spd(generator, d), RATE)
+    matrices = stable(generator, barrier, 3)
+    gradient, hessian = barrier.derivatives(matrices)
+
+    step = 1e-5
+    for index in range(d * d):
+        unit = np.zeros(d * d)
+        unit[index] = step
+        ahead, behind = matrices + unit.reshape(d, d), matrices - unit.reshape(d, d)
+        numeric = (barrier.value(ahead) - barrier.value(behind)) / (2 * step)
+        numeric_slope = (barrier.derivatives(ahead)[0] - barrier.derivatives(behind)[0]) / (2 * step)
+        # Central differences: error step² times the third derivative, which grows as slack⁻³ ~ 10³.
+        np.testing.assert_allclose(gradient[:, index], numeric, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(hessian[:, :, index], numeric_slope, rtol=1e-4, atol=1e-3)
+
+
+def test_the_barrier_is_infinite_outside() -> None:
+    barrier = StabilityBarrier(np.eye(2), RATE)
+    matrices = np.array([-np.eye(2), -0.9 * RATE * np.eye(2), np.eye(2)])
+    assert np.isfinite(barrier.value(matrices)).tolist() == [True, False, False]
+
+
+def test_reach_ends_exactly_at_the_wall() -> None:
+    generator = np.random.default_rng(3)
+    barrier = StabilityBarrier(random_spd(generator, 3), RATE)
+    matrices = stable(generator, barrier, 4)
+    direction = generator.standard_normal(matrices.shape)
+    reach = barrier.reach(matrices, direction)
+
+    assert np.isfinite(barrier.value(matrices + 0.999 * reach * direction)).all()
+    assert not np.isfinite(barrier.value(matrices + 1.001 * reach * direction)).all()
+    assert barrier.reach(matrices, -np.tile(np.eye(3), (4, 1, 1))) == np.inf  # ever more stable
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_constrained_regression_agrees_with_a_convex_solver(d: int) -> None:
+    generator = np.random.default_rng(10 + d)
+    lyapunov = random_spd(generator, d)
+    lyapunov *= d / np.trace(lyapunov)
+    barrier = StabilityBarrier(lyapunov, RATE)
+    positions = generator.standard_normal((60, d))
+    truth = generator.standard_normal((d, d))  # not stable in general: the constraint is active
+    velocities = positions @ truth.T + 0.1 * generator.standard_normal((60, d))
+    gram, cross = positions.T @ positions, velocities.T @ positions
+
+    (ours,) = constrained_regression(gram[None], cross[None], np.eye(d)[None], barrier, final_weight=1e-7)
+
+    unknown = cvxpy.Variable((d, d))
+    product = lyapunov @ unknown
+    constraint = -(product + product.T) / 2 - RATE * lyapunov >> 0
+    problem = cvxpy.Problem(
+        cvxpy.Minimize(cvxpy.sum_squares(positions @ unknown.T - velocities)), [constraint]
+    )
+    problem.solve(solver=cvxpy.CLARABEL)
+    # A log-det barrier of weight w over d dimensions leaves a gap of at most w · d (here relative to the
+    # trace of the Gram matrix), and the problem is strongly convex with the Gram matrix's smallest value.
+    gap = 1e-7 * np.trace(gram) / d * d
+    distance = np.sqrt(2 * gap / np.linalg.eigvalsh(gram)[0])
+    np.testing.assert_allclose(ours, unknown.value, atol=distance + 1e-4)
+    assert np.linalg.eigvalsh(barrier.slack(ours)).min() > 0
+
+
+def test_an_inactive_constraint_leaves_ordinary_least_squares() -> None:
+    generator = np.random.default_rng(4)
+    truth = np.array([[-2.0, 0.5], [-0.5, -1.0]])
+    positions = generator.standard_normal((200, 2))
+    velocities = positions @ truth.T
+    gram, cross = positions.T @ positions, velocities.T @ positions
+    (ours,) = constrained_regression(
+        gram[None], cross[None], np.eye(2)[None], StabilityBarrier(np.eye(2), RATE), final_weight=1e-8
+    )
+    # The barrier's pull: its weight times its gradient (about 1/slack ~ 2) over the Gram matrix.
+    np.testing.assert_allclose(ours, truth, atol=1e-6)

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from skillctl.learning.barrier import StabilityBarrier
+from skillctl.learning.em import constrained_em, expectation, log_likelihood, log_normal
+from skillctl.learning.initialize import kmeans, partitions
+from skillctl.learning.preprocess import align, training_data
+from skillctl.model import DemonstrationSet
+
+Curved = Callable[..., DemonstrationSet]
+
+
+def test_log_normal_agrees_with_scipy() -> None:
+    generator = np.random.default_rng(0)
+    roots = generator.standard_normal((3, 2, 2))
+    covariances = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(2)
+    deviations = generator.standard_normal((5, 3, 2))
+    ours = log_normal(deviations, covariances)
+    for k in range(3):
+        expected = scipy.stats.multivariate_normal(np.zeros(2), covariances[k]).logpdf(deviations[:, k])
+        np.testing.assert_allclose(ours[:, k], expected, rtol=1e-12)
+
+
+def test_the_likelihood_never_falls_and_every_matrix_is_stable(curved: Curved) -> None:
+    data = training_data(*align(curved()), samples=50)
+    barrier = StabilityBarrier(np.eye(2), 0.03)
+    labels = np.random.default_rng(0).integers(0, 4, len(data.points[0]))  # a bad start: much to gain
+    values = []
+    for iterations in range(1, 12):
+        mixture = constrained_em(labels, *data.points, barrier, iterations=iterations, tolerance=-np.inf)
+        values.append(log_likelihood(mixture, *data.points))
+        assert np.linalg.eigvalsh(barrier.slack(mixture.matrices)).min() > 0
+    # The M-step adds a variance floor of 1e-4 and a barrier of weight 1e-4, so exact ascent is lost by
+    # as much at most; the whole gain is hundreds of times larger.
+    assert np.diff(values).min() > -2e-3
+    assert values[-1] > values[0] + 0.5
+
+
+def test_a_noisy_linear_system_is_recovered() -> None:
+    generator = np.random.default_rng(1)
+    truth = np.array([[-1.0, 0.8], [-0.8, -0.6]])
+    positions = generator.standard_normal((4000, 2))
+    noise = 0.05
+    velocities = positions @ truth.T + noise * generator.standard_normal((4000, 2))
+    mixture = constrained_em(
+        np.zeros(4000, dtype=np.int64),
+        positions,
+        velocities,
+        StabilityBarrier(np.eye(2), 0.03),
+        iterations=20,
+    )
+    # Standard error of a regression coefficient: noise / √n; five of them.
+    np.testing.assert_allclose(mixture.matrices[0], truth, atol=5 * noise / np.sqrt(4000) + 1e-3)
+    np.testing.assert_allclose(
+        mixture.residual_covariances[0], noise**2 * np.eye(2), atol=5 * noise**2 * np.sqrt(2 / 4000) + 2e-4
+    )
+
+
+def test_expectation_is_bayes_rule_far_from_all_components() -> None:
+    logs = np.array([[-1e5, -1e5 - np.log(3)], [0.0, -np.inf]])
+    np.testing.assert_allclose(expectation(logs), [[0.75, 0.25], [1.0, 0.0]], rtol=1e-9)
+
+
+def test_kmeans_finds_separated_clusters() -> None:
+    generator = np.random.default_rng(2)
+    centres = np.array([[0.0, 0], [10, 0], [0, 10]])
+    points = np.repeat(centres, 30, axis=0) + 0.1 * generator.standard_normal((90, 2))
+    labels = kmeans(points, 3, np.random.default_rng(0)).reshape(3, 30)
+    assert (labels == labels[:, :1]).all()
+    assert len(set(labels[:, 0])) == 3
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_every_partition_uses_every_label(curved: Curved, count: int) -> None:
+    data = training_data(*align(curved()), samples=50)
+    for labels in partitions(data, 6, count, seed=0):
+        assert labels.shape == (4 * 50,)
+        assert sorted(set(labels.tolist())) == list(range(6))

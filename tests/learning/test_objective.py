@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from skillctl.learning.barrier import StabilityBarrier
+from skillctl.learning.em import constrained_em
+from skillctl.learning.field import Field
+from skillctl.learning.initialize import partitions
+from skillctl.learning.levenberg import State, minimise
+from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
+from skillctl.learning.parameters import field_of, gate_mixture
+from skillctl.learning.preprocess import TrainingData, align, training_data
+from skillctl.model import DemonstrationSet, GaussianMixture
+from skillctl.model.mixture import quadratic_features, softmax
+
+Curved = Callable[..., DemonstrationSet]
+BARRIER = StabilityBarrier(np.eye(2), 0.03)
+
+
+@pytest.fixture
+def data(curved: Curved) -> TrainingData:
+    return training_data(*align(curved()), samples=40)
+
+
+@pytest.fixture
+def initial(data: TrainingData) -> Field:
+    labels = partitions(data, 3, 1, seed=0)[0]
+    return field_of(constrained_em(labels, *data.points, BARRIER, iterations=5))
+
+
+def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
+    generator = np.random.default_rng(0)
+    path = np.cumsum(generator.standard_normal((1, 12, 2)), axis=1)
+    points = generator.standard_normal((1, 30, 2)) * 2
+    phase = np.zeros((1, 12))
+    index, share = _nearest_place(points, np.zeros((1, 30)), path, phase, 1.0)
+    place = (1 - share[0])[:, None] * path[0, index[0]] + share[0][:, None] * path[0, index[0] + 1]
+    found = np.linalg.norm(place - points[0], axis=1)
+
+    vertices = np.linalg.norm(path[0][None] - points[0][:, None], axis=2)
+    nearest = vertices.argmin(axis=1)
+    for i in range(30):  # the documented rule: the better of the two segments beside the nearest vertex
+        candidates = []
+        for k in (nearest[i] - 1, nearest[i]):
+            if 0 <= k < 11:
+                fine = np.linspace(path[0, k], path[0, k + 1], 20001)
+                candidates.append(np.linalg.norm(fine - points[0, i], axis=1).min())
+        # A grid of 20,000 parts misses the foot of the perpendicular by at most half a part.
+        assert found[i] == pytest.approx(min(candidates), abs=1e-6)
+
+
+def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matching(
+    data: TrainingData, initial: Field
+) -> None:
+    # A huge phase cost ties the matching to the share of the path, which moves little: then the
+    # derivative through the matching is second order and the analytic gradient must be the true one.
+    objective = LearningObjective(data, Weights(robust=0.5))
+    evaluation = objective.evaluate(initial)
+    assert evaluation.matching is not None
+    slope = objective.jacobian(evaluation).T @ evaluation.residuals
+    matching = evaluation.matching
+
+    def frozen_cost(field: Field) -> float:
+        """The same matching, its weights w ρ'(r)/2r replaced by the robust cost of moved rollouts."""
+        moved = objective.evaluate(field)
+        assert moved.matching is not None
+        table = moved.matching.states.transpose(0, 2, 1).reshape(-1, 2)
+        before = matching.states.transpose(0, 2, 1).reshape(-1, 2)
+        first, second = matching.rows
+        share = matching.shares[:, None]
+        shift = (1 - share) * (table[first] - before[first]) + share * (table[second] - before[second])
+        errors = matching.errors + shift
+        squared = (matching.errors**2).sum(axis=1)
+        weights = matching.scales**2 * np.sqrt(1 + squared / 0.25)  # undo ρ'(r)/2r = 1/√(1 + r²/δ²)
+        rho = 0.25 * (np.sqrt(1 + (errors**2).sum(axis=1) / 0.25) - 1)
+        velocity = moved.residuals[: 2 * objective.positions.shape[1]]
+        return float(0.5 * velocity @ velocity + weights @ rho)
+
+    assert frozen_cost(initial) == pytest.approx(evaluation.cost, rel=1e-12)
+    step = 1e-6
+    for index in range(0, initial.n_parameters, 3):
+        unit = np.zeros(initial.n_parameters)
+        unit[index] = step
+        numeric = (frozen_cost(initial.stepped(unit)) - frozen_cost(initial.stepped(-unit))) / (2 * step)
+        assert slope[index] == pytest.approx(numeric, abs=1e-7)
+
+
+def test_every_step_lowers_the_cost_and_stays_strictly_stable(data: TrainingData, initial: Field) -> None:
+    objective = LearningObjective(data)
+    state = State(objective.evaluate(initial), BARRIER)
+    costs = [state.cost]
+    for _ in range(15):
+        state = minimise(objective, state, 1)
+        costs.append(state.cost)
+        assert np.linalg.eigvalsh(BARRIER.slack(state.evaluation.field.matrices)).min() > 0
+    # Each step lowers cost + weight · barrier; while the weight falls the cost alone may rise by as much
+    # as the barrier gains, at most 1e-3 · log of the change of slack: far below the total gain.
+    assert costs[-1] < 0.7 * costs[0]
+    assert np.diff(costs).max() < 0.02 * costs[0]
+
+
+def test_a_field_that_made_the_data_is_found_again() -> None:
+    truth = Field(
+        np.array([[[-1.0, 2.0], [-2.0, -1.0]], [[-0.5, -0.3], [0.3, -1.5]]]),
+        np.array([[0.0, 3.0, 0, 0, 0, 0], [0.0, -3.0, 0, 0, 0, 0]]),
+    )
+    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (2, 8))
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (1, 400, 2))
+    data = TrainingData(
+        points, truth.velocities(points[0].T).T[None], np.array([0.01]), 1.0, 1.0, np.zeros(2)
+    )
+    labels = (points[0, :, 0] < 0).astype(np.int64)
+    initial = field_of(constrained_em(labels, *data.points, BARRIER, iterations=2))
+    objective = LearningObjective(data, rollouts=False)
+    state = minimise(objective, State(objective.evaluate(initial), BARRIER), 200, tolerance=1e-9)
+    error = state.evaluation.field.velocities(starts) - truth.velocities(starts)
+    # The barrier's final weight is 1e-6 against a mean squared error: velocities agree to about its root.
+    assert np.abs(error).max() < 2e-2
+
+
+def test_the_gauge_changes_no_weight() -> None:
+    generator = np.random.default_rng(5)
+    for d in (1, 2, 3):
+        logits = 3 * generator.standard_normal((4, 1 + d + d * (d + 1) // 2))  # indefinite quadratics
+        positions = generator.standard_normal((50, d))
+        mixture = GaussianMixture(*gate_mixture(logits, positions))
+        expected = softmax(logits @ quadratic_features(positions.T)).T
+        np.testing.assert_allclose(mixture.responsibilities(positions), expected, atol=1e-10)
