@@ -63,13 +63,13 @@ def rollout(
         arrival_distance: Distance to the nearest attractor at which a trajectory has arrived.
 
     Raises:
-        UsageError: Starts of another dimension, or a period or duration that is not positive.
+        UsageError: Starts of another dimension, or a period or duration that is not positive and finite.
     """
     x = np.array(starts, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != skill.dimension:
         raise UsageError(f"starts: expected (n, {skill.dimension}), got {x.shape}.")
-    if not (period > 0 and duration > 0):
-        raise UsageError("period and duration: must be positive.")
+    if not (0 < period < np.inf and 0 < duration < np.inf):
+        raise UsageError("period and duration: must be positive and finite.")
     steps = int(np.ceil(duration / period))
     goals = attractors_of(skill)
     parts = skill.part_at(x) if isinstance(skill, CombinedSkill) else np.zeros(len(x), dtype=np.int64)
