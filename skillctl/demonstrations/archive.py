@@ -1,0 +1,127 @@
+"""NPZ archives of NumPy arrays, read without ever unpickling."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray
+from skillctl.demonstrations.files import MAX_BYTES, damaged
+from skillctl.demonstrations.recording import Recording, listed, uniform_times
+from skillctl.errors import InputDataError, printable
+
+Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+
+RESERVED = ("positions", "velocities", "times", "dt")
+NUMERIC = "fiu"  # kinds of dtype: float, signed and unsigned integer
+LAYOUTS = (
+    "Save positions (T, d) or (D, T, d) with times or dt; or one array (T, d) per demonstration with dt "
+    "or <name>_times."
+)
+
+
+def read(content: bytes, path: Path) -> list[Recording]:
+    """Return the demonstrations of an NPZ archive, in one of three layouts.
+
+    - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
+    - ``positions`` (D, T, d): D of them; optional ``velocities`` (D, T, d), ``times`` (T,) or (D, T);
+    - any other arrays (T, d): one demonstration each, in their order; optional ``<name>_times`` (T,).
+
+    In all of them a scalar ``dt`` [s] may stand in place of times.
+
+    Raises:
+        InputDataError: Damaged, pickled, too large, or of another layout.
+    """
+    arrays = _arrays(content, path)
+    dt = _step(arrays, path)
+    return _stacked(arrays, dt, path) if "positions" in arrays else _named(arrays, dt, path)
+
+
+def _arrays(content: bytes, path: Path) -> Arrays:
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+        if unpacked > MAX_BYTES:  # a small archive may claim terabytes
+            raise ValueError(f"{unpacked} bytes unpacked; at most {MAX_BYTES} are read")
+        with np.load(io.BytesIO(content), allow_pickle=False) as loaded:
+            return {name: np.asarray(loaded[name]) for name in loaded.files}
+    except Exception as error:  # zipfile, zlib and NumPy raise a dozen types on damaged archives
+        if "pickle" in str(error):
+            raise InputDataError(
+                f"{path}: holds pickled Python objects, which could run code and are never read.",
+                hint=LAYOUTS,
+            ) from error
+        raise damaged(path, "NPZ archive", error) from error
+
+
+def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
+    """Return the demonstrations of an archive with an array ``positions``."""
+    positions = _numbers(arrays, "positions", path)
+    velocities = _numbers(arrays, "velocities", path) if "velocities" in arrays else None
+    if positions.ndim not in (2, 3) or (velocities is not None and velocities.shape != positions.shape):
+        raise _unknown_layout(arrays, path)
+    shape = positions.shape if positions.ndim == 3 else (1, *positions.shape)
+    times = None if dt is None else uniform_times(dt, shape[1])
+    if "times" in arrays:
+        times = _numbers(arrays, "times", path)
+        if times.shape not in (shape[:2], shape[1:2]):
+            raise _unknown_layout(arrays, path)
+    return [
+        Recording(
+            path,
+            positions.reshape(shape)[i],
+            times=None if times is None else np.broadcast_to(times, shape[:2])[i],
+            velocities=None if velocities is None else velocities.reshape(shape)[i],
+            part=f"demonstration {i}" if positions.ndim == 3 else "",
+            unused=tuple(name for name in arrays if name not in RESERVED),
+        )
+        for i in range(shape[0])
+    ]
+
+
+def _named(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
+    """Return the demonstrations of an archive with one array (T, d) each."""
+    names = [name for name, array in arrays.items() if array.ndim == 2 and array.dtype.kind in NUMERIC]
+    timed = {name: f"{name}_times" for name in names if f"{name}_times" in arrays}
+    unused = tuple(name for name in arrays if name not in {"dt", *names, *timed.values()})
+    recordings = []
+    for name in names:
+        positions = _numbers(arrays, name, path)
+        times = None if dt is None else uniform_times(dt, len(positions))
+        if name in timed:
+            times = _numbers(arrays, timed[name], path)
+            if times.shape != positions.shape[:1]:
+                raise _unknown_layout(arrays, path)
+        part = f"array {printable(name)[:40]}"
+        recordings.append(Recording(path, positions, times=times, part=part, unused=unused))
+    if not recordings:
+        raise _unknown_layout(arrays, path)
+    return recordings
+
+
+def _step(arrays: Arrays, path: Path) -> float | None:
+    if "dt" not in arrays:
+        return None
+    step = _numbers(arrays, "dt", path)
+    if step.size != 1 or not (np.isfinite(step.item()) and step.item() > 0):
+        raise InputDataError(f"{path}: dt must be one positive number of seconds.", hint=LAYOUTS)
+    return float(step.item())
+
+
+def _numbers(arrays: Arrays, name: str, path: Path) -> FloatArray:
+    if arrays[name].dtype.kind not in NUMERIC:
+        raise InputDataError(
+            f"{path}: array {printable(name)[:40]!r} holds {arrays[name].dtype}, not real numbers.",
+            hint=LAYOUTS,
+        )
+    return arrays[name].astype(np.float64)
+
+
+def _unknown_layout(arrays: Arrays, path: Path) -> InputDataError:
+    found = listed([f"{name} {array.shape}" for name, array in arrays.items()])
+    return InputDataError(f"{path}: its arrays form no demonstrations (found {found}).", hint=LAYOUTS)

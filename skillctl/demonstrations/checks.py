@@ -1,0 +1,210 @@
+"""From a recording to a demonstration: what is refused, what is repaired, what is worth a word."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.demonstrations.recording import Recording, Unit, uniform_times
+from skillctl.errors import InputDataError
+from skillctl.model import Demonstration, DemonstrationSet
+
+LARGEST = 1e9  # no position lies further out, in any unit; sums of squares cannot overflow
+GAP = 3.0  # a step this many times longer than the median is a gap
+JITTER = 0.5  # spread of the middle 90 % of steps, against their median
+LONG = 600.0  # [s]; one showing of a motion is shorter, unless times are not in seconds
+END_SPREAD = 0.1  # of the extent: ends further apart than this are worth a word
+EXTENTS = (0.005, 10.0)  # [m]; motions of an arm are neither smaller nor larger
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What was noticed in one recording.
+
+    Attributes:
+        label: File and part.
+        duplicates: Rows dropped because they repeat the row before, time stamp included.
+        gap: Longest step if it is a gap, else 0, [s]; ``gap_after`` says where.
+        gap_after: Place of the sample before the gap, in words.
+        jitter: Spread of the steps against their median, 0 if even.
+        duration: [s].
+        estimated_step: Sampling period where it had to be worked out from the velocities, else 0, [s].
+    """
+
+    label: str
+    duplicates: int
+    gap: float
+    gap_after: str
+    jitter: float
+    duration: float
+    estimated_step: float
+
+
+def prepare(
+    recording: Recording, *, dt: float | None, units: Unit | None, scale: float
+) -> tuple[Demonstration, Findings]:
+    """Return the demonstration in a recording, and what was noticed on the way.
+
+    Args:
+        recording: As read.
+        dt: Sampling period where the recording has no times, [s].
+        units: Unit of the recording, its own by default.
+        scale: Factor on positions and velocities, after the conversion to metres.
+
+    Raises:
+        InputDataError: Values that are not finite, time stamps that repeat or go back, no time at all,
+            one point only, no motion; each with file and place.
+    """
+    _require_finite(recording)
+    stamps, estimated = _stamps(recording, dt)
+    rows = _fresh_rows(recording, stamps)
+    times, positions = stamps[rows], recording.positions[rows]
+    _require_increasing(recording, times, rows)
+    if len(rows) < 2 or (positions == positions[0]).all():
+        raise InputDataError(
+            f"{recording.label}: {'one point only' if len(rows) < 2 else 'all points are equal'}; "
+            "there is no motion to learn.",
+            hint="Check that the recording is whole and the position columns are right, or leave it out.",
+        )
+    per_unit = 1000.0 if (units or recording.unit) == "mm" else 1.0
+    started, moved = times - times[0], positions * scale / per_unit
+    if recording.velocities is None:
+        demonstration = Demonstration.from_positions(started, moved, recording.source)
+    else:
+        velocities = recording.velocities[rows] * scale / per_unit
+        demonstration = Demonstration(started, moved, velocities, recording.source)
+    return demonstration, _findings(recording, times, rows, estimated)
+
+
+def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) -> list[str]:
+    """Return what the user should know about the demonstrations, a sentence each."""
+    notes = []
+    total = len(findings)
+    if repeated := [f for f in findings if f.duplicates]:
+        rows = sum(f.duplicates for f in repeated)
+        notes.append(f"{rows} repeated rows were dropped, in {_some(repeated, total)}.")
+    if gaps := [f for f in findings if f.gap]:
+        worst = max(gaps, key=lambda f: f.gap)
+        notes.append(
+            f"{_some(gaps, total)} with gaps in time; the longest, {worst.gap:.3g} s, in {worst.label} "
+            f"after {worst.gap_after}."
+        )
+    if uneven := [f for f in findings if f.jitter > JITTER]:
+        worst = max(uneven, key=lambda f: f.jitter)
+        notes.append(
+            f"{_some(uneven, total)} with uneven time steps; worst {worst.label}, where they spread by "
+            f"{worst.jitter:.0%} of their median."
+        )
+    if estimated := [f.estimated_step for f in findings if f.estimated_step]:
+        notes.append(
+            f"the sampling period follows from the velocities: {1e3 * float(np.median(estimated)):.4g} ms."
+        )
+    if (longest := max(findings, key=lambda f: f.duration)).duration > LONG:
+        notes.append(f"{longest.label} lasts {longest.duration:.4g} s; are its times in seconds?")
+    return notes + _shape_notes(demonstrations)
+
+
+def _some(findings: Sequence[Findings], total: int) -> str:
+    return findings[0].label if len(findings) == total == 1 else f"{len(findings)} of {total} demonstrations"
+
+
+def _shape_notes(demonstrations: DemonstrationSet) -> list[str]:
+    notes = []
+    extent = demonstrations.extent
+    ends = np.stack([demonstration.positions[-1] for demonstration in demonstrations])
+    spread = float(np.linalg.norm(ends - ends.mean(axis=0), axis=1).max())
+    unit = demonstrations.space.unit
+    if spread > END_SPREAD * extent:
+        notes.append(
+            f"the end points lie up to {spread:.3g} {unit} from their mean, {spread / extent:.0%} of the "
+            "extent of the motion; are they demonstrations of one motion to one target?"
+        )
+    if unit == "m" and extent > EXTENTS[1]:
+        notes.append(f"the motion extends over {extent:.3g} m; if these are millimetres, use --units mm.")
+    if unit == "m" and extent < EXTENTS[0]:
+        notes.append(f"the motion extends over {extent:.3g} m only; check --units and --scale.")
+    return notes
+
+
+def _require_finite(recording: Recording) -> None:
+    """Raise unless all positions and velocities are finite, and no position lies absurdly far out."""
+    usable = np.abs(recording.positions) <= LARGEST  # false for NaN, too
+    if not usable.all():
+        sample, dimension = np.argwhere(~usable)[0]
+        raise InputDataError(
+            f"{recording.label}, {recording.where(sample)}, {recording.column(dimension)}: "
+            f"{recording.positions[sample, dimension]:g} is not a position.",
+            hint="Fill or remove gaps in the recording, or leave this demonstration out.",
+        )
+    if recording.velocities is not None and not np.isfinite(recording.velocities).all():
+        sample = int(np.argwhere(~np.isfinite(recording.velocities))[0, 0])
+        raise InputDataError(
+            f"{recording.label}, {recording.where(sample)}: its velocity is not finite.",
+            hint="Fill or remove gaps in the recording, or leave this demonstration out.",
+        )
+
+
+def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
+    """Return the time of each sample, and the period if it had to be worked out from the velocities."""
+    if recording.times is not None:
+        return recording.times, 0.0
+    estimated = 0.0
+    if dt is None and recording.velocities is not None:
+        speeds = np.linalg.norm(recording.velocities, axis=1)
+        steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=1)
+        middle = 0.5 * (speeds[1:] + speeds[:-1])
+        moving = (middle > 0) & (steps > 0)
+        if moving.any():  # the median: a few lost samples make a few long steps
+            dt = estimated = float(np.median(steps[moving] / middle[moving]))
+    if dt is None:
+        raise InputDataError(
+            f"{recording.label}: it says nothing about time.",
+            hint="Give the sampling period with --dt SECONDS, or name a column t or time.",
+        )
+    return uniform_times(dt, len(recording.positions)), estimated
+
+
+def _fresh_rows(recording: Recording, stamps: FloatArray) -> IntArray:
+    """Return the samples that do not repeat the one before, time stamp included.
+
+    Recorders do write rows twice; a repeated stamp with another position is no such row.
+    """
+    changed = (np.diff(stamps) != 0) | (np.diff(recording.positions, axis=0) != 0).any(axis=1)
+    return np.flatnonzero(np.concatenate([[True], changed]))
+
+
+def _require_increasing(recording: Recording, times: FloatArray, rows: IntArray) -> None:
+    if not np.isfinite(times).all():
+        sample = int(rows[np.argmin(np.isfinite(times))])
+        raise InputDataError(
+            f"{recording.label}, {recording.where(sample)}: its time is not finite.",
+            hint="Remove the row, or leave this demonstration out.",
+        )
+    steps = np.diff(times)
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0)) + 1
+        what = "repeats the one before" if steps[at - 1] == 0 else f"follows {times[at - 1]:.10g} s"
+        raise InputDataError(
+            f"{recording.label}, {recording.where(int(rows[at]))}: time stamp {times[at]:.10g} s {what}; "
+            "time must increase.",
+            hint="Remove the row; a table of several demonstrations needs a column demo.",
+        )
+
+
+def _findings(recording: Recording, times: FloatArray, rows: IntArray, estimated: float) -> Findings:
+    steps = np.diff(times)
+    median = float(np.median(steps))
+    longest = int(np.argmax(steps))
+    low, high = np.percentile(steps, [5, 95])
+    return Findings(
+        label=recording.label,
+        duplicates=len(recording.positions) - len(rows),
+        gap=float(steps[longest]) if steps[longest] > GAP * median else 0.0,
+        gap_after=recording.where(int(rows[longest])),
+        jitter=float((high - low) / median),
+        duration=float(times[-1] - times[0]),
+        estimated_step=estimated,
+    )

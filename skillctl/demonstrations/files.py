@@ -1,0 +1,51 @@
+"""Read a file's bytes once, and say in words why not."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from skillctl.errors import InputDataError, NotFoundError, printable
+
+MAX_BYTES = 2**28  # of a file, packed or unpacked: millions of samples; more is no demonstration
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return what the file holds.
+
+    Raises:
+        NotFoundError: No such file.
+        InputDataError: Not a regular file, not readable, empty, or larger than MAX_BYTES.
+    """
+    try:
+        status = path.stat()
+        _require_usable(path, status.st_mode, status.st_size)
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)  # the size may have grown since
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise NotFoundError(f"{path}: there is no such file.", hint="Check the path.") from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL byte
+        reason = getattr(error, "strerror", None) or error
+        raise InputDataError(f"{path}: cannot be read ({reason}).", hint="Check its permissions.") from error
+    _require_usable(path, stat.S_IFREG, len(content))
+    return content
+
+
+def damaged(path: Path, kind: str, error: Exception) -> InputDataError:
+    """Return what to say about a file that its own format's reader cannot make sense of."""
+    reason = printable(str(error) or type(error).__name__)[:80]
+    return InputDataError(f"{path}: not an intact {kind} ({reason}).", hint="Save or copy it again.")
+
+
+def _require_usable(path: Path, mode: int, size: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise InputDataError(f"{path}: is a folder, not a file.", hint=f"Name its files: {path}/*.csv")
+    if not stat.S_ISREG(mode):
+        raise InputDataError(f"{path}: is not a regular file.", hint="Copy the data into a file.")
+    if size == 0:
+        raise InputDataError(f"{path}: the file is empty.", hint="Record or export it again.")
+    if size > MAX_BYTES:
+        raise InputDataError(
+            f"{path}: {size / 2**20:.0f} MiB; at most {MAX_BYTES / 2**20:.0f} MiB are read.",
+            hint="Record at a lower rate, or split the file.",
+        )

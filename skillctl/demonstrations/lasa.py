@@ -1,0 +1,53 @@
+"""The LASA handwriting motions: planar, in millimetres, several per file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skillctl.demonstrations.matlab import Cells, Structs, Value, Variables, described, matrix
+from skillctl.demonstrations.recording import Recording
+from skillctl.errors import InputDataError
+
+FIELDS = ("pos", "vel", "t")
+
+
+def recognises(content: Variables) -> bool:
+    """Say whether the variables are laid out as in the LASA data set."""
+    return bool(_structs(content))
+
+
+def read(content: Variables, path: Path) -> list[Recording]:
+    """Return the demonstrations in the cell array ``demos``: structs of pos (d, T), vel (d, T), t (1, T).
+
+    Raises:
+        InputDataError: Another layout, or lengths that do not match.
+
+    References:
+        Khansari-Zadeh & Billard 2011, the data set that accompanies SEDS.
+    """
+    structs = _structs(content)
+    if not structs:
+        raise InputDataError(
+            f"{path}: not laid out as LASA motions (found {described(content)}).",
+            hint="Expected a cell array demos of structs with the fields pos, vel and t.",
+        )
+    recordings = []
+    for index, fields in enumerate(structs):
+        pos, vel, t = (matrix(fields[name]) for name in FIELDS)
+        part = f"demonstration {index}"
+        if pos is None or vel is None or t is None or vel.shape != pos.shape or t.size != pos.shape[1]:
+            raise InputDataError(
+                f"{path}, {part}: pos, vel and t are not matrices of matching lengths.",
+                hint="Expected pos (d, T), vel (d, T) and t (1, T).",
+            )
+        recordings.append(Recording(path, pos.T, times=t.ravel(), velocities=vel.T, part=part, unit="mm"))
+    return recordings
+
+
+def _structs(content: Variables) -> list[dict[str, Value]]:
+    """Return the structs in ``demos``; none if something else stands there."""
+    demos = content.get("demos")
+    cells = demos.items if isinstance(demos, Cells) else ()
+    structs = [cell.items[0] for cell in cells if isinstance(cell, Structs) and len(cell.items) == 1]
+    whole = len(structs) == len(cells) and all(set(FIELDS) <= set(fields) for fields in structs)
+    return structs if whole else []

@@ -1,0 +1,152 @@
+"""Example demonstrations: human-like reaches for a cup on a shelf, from a seeded generator.
+
+Metres, base frame of the arm: x forwards, y to the left, z up. The shelf has a board at z = 0.42 and one at
+0.70, both from x = 0.50 on. Every reach starts low in front of the shelf, moves sideways and upwards to the
+place while still in front of the boards, and then straight in along x. How the hand moves sideways and how
+it moves upwards do not depend on each other, so a reach to the top left is, relative to its target, the
+sideways motion of one to the bottom left with the upward motion of one to the top centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.demonstrations.writing import DECIMALS
+from skillctl.errors import UsageError
+from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+
+SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
+HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]
+DEPTH = 0.63  # x of the cup [m]
+PLACES = tuple(f"{height}-{side}" for height in HEIGHTS for side in SIDES)
+TASKS = ("bottom-left", "bottom-right", "top-centre")  # what the examples teach; other places are for tests
+COUNT, SEED = 8, 0  # demonstrations per task, and their seed
+
+STARTS = ((0.385, 0.44), (-0.12, 0.12), (0.52, 0.58))  # box of start positions [m]
+DURATION = (2.4, 3.8)  # [s]
+RATE = 100  # samples per second
+PATH_POINTS = 2001  # of the path before timing: chords of 0.3 mm, 1000 times shorter than its bends
+
+
+def target_of(place: str) -> FloatArray:
+    """Return where the cup stands at a place, such as ``top-centre``. Shape (3,), [m], base frame.
+
+    Raises:
+        UsageError: No such place.
+    """
+    if place not in PLACES:
+        raise UsageError(f"place: {place!r} is none of {', '.join(PLACES)}.")
+    height, side = place.split("-")
+    return np.array([DEPTH, SIDES[side], HEIGHTS[height]])
+
+
+def reaching_demonstrations(place: str, count: int = COUNT, seed: int = SEED) -> DemonstrationSet:
+    """Return ``count`` reaches to a place, each ending at the cup after at least 10 cm of straight motion.
+
+    Path, start and duration vary smoothly from one reach to the next; the speed along each path follows
+    the minimum-jerk law. Demonstration i depends on place, seed and i alone. Positions are rounded to
+    10 µm, so that the numbers are the same on every platform and survive a table unchanged.
+
+    Args:
+        place: One of ``PLACES``, see ``target_of``.
+        count: Number of demonstrations, at least 1.
+        seed: Any integer from 0.
+
+    Raises:
+        UsageError: No such place, or a count or seed below its least value.
+
+    References:
+        Minimum jerk: Flash & Hogan 1985, Eq. 3. The shapes of path and variability are ours.
+    """
+    target = target_of(place)
+    if count < 1 or seed < 0:
+        raise UsageError(f"count and seed: at least 1 and 0, got {count} and {seed}.")
+    # Uniform doubles straight from the bits: distributions may change between NumPy versions, these do not.
+    streams = [np.random.Generator(np.random.PCG64([seed, PLACES.index(place), i])) for i in range(count)]
+    reaches = (_reach(_Style.drawn(stream), target) for stream in streams)
+    demonstrations = (
+        Demonstration.from_positions(times, positions, f"{place} {index}")
+        for index, (times, positions) in enumerate(reaches, start=1)
+    )
+    return DemonstrationSet(tuple(demonstrations), StateSpace.cartesian(3))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Style:
+    """How one reach differs from the next.
+
+    Attributes:
+        start: Shape (3,), [m].
+        duration: [s].
+        entry: Share of the path parameter after which the hand begins to move in.
+        lateral_end, vertical_end: Shares after which sideways and upward motion are done.
+        sway: Detours on the way to the straight entry: a bow and an S per axis, shape (3, 2), [m].
+    """
+
+    start: FloatArray
+    duration: float
+    entry: float
+    lateral_end: float
+    vertical_end: float
+    sway: FloatArray
+
+    @classmethod
+    def drawn(cls, stream: np.random.Generator) -> _Style:
+        def uniform(low: float, high: float) -> float:
+            return low + (high - low) * stream.random()
+
+        return cls(
+            start=np.array([uniform(low, high) for low, high in STARTS]),
+            duration=round(RATE * uniform(*DURATION)) / RATE,
+            entry=uniform(0.18, 0.24),
+            lateral_end=uniform(0.57, 0.64),
+            vertical_end=uniform(0.48, 0.58),
+            # People draw the hand back a little before they lift it past an edge.
+            sway=np.array(
+                [[uniform(low, low + 0.04), uniform(-0.02, 0.02)] for low in (-0.03, -0.02, -0.01)]
+            ),
+        )
+
+
+def _reach(style: _Style, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times (T,) and positions (T, 3) of one reach, sampled at RATE and rounded."""
+    path = _path(style, target)
+    steps = np.diff(path, axis=0)
+    arc = np.concatenate([[0.0], np.cumsum(np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2 + steps[:, 2] ** 2))])
+    samples = round(style.duration * RATE) + 1
+    travelled = arc[-1] * _minimum_jerk(np.arange(samples) / (samples - 1))
+    positions = np.stack([np.interp(travelled, arc, column) for column in path.T], axis=1)
+    return np.round(np.arange(samples) / RATE, DECIMALS), np.round(positions, DECIMALS)
+
+
+def _path(style: _Style, target: FloatArray) -> FloatArray:
+    """Return the path as a smooth curve, not yet timed. Shape (PATH_POINTS, 3)."""
+    u = np.linspace(0.0, 1.0, PATH_POINTS)
+    progress = np.stack(
+        [
+            _minimum_jerk((u - style.entry) / (1.0 - style.entry)),
+            _minimum_jerk(u / style.lateral_end),
+            _minimum_jerk(u / style.vertical_end),
+        ],
+        axis=1,
+    )
+    bow, bend = _detours(u / style.vertical_end)
+    detour = bow[:, None] * style.sway[:, 0] + bend[:, None] * style.sway[:, 1]
+    return style.start + progress * (target - style.start) + detour
+
+
+def _minimum_jerk(time: FloatArray) -> FloatArray:
+    """Return 10 t³ − 15 t⁴ + 6 t⁵, at rest at 0 before t = 0 and at 1 after t = 1."""
+    t = np.clip(time, 0.0, 1.0)
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0))
+
+
+def _detours(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a bow and an S over 0 … 1, at most one high, smooth into the rest outside."""
+    t = np.clip(time, 0.0, 1.0)
+    hump = 4.0 * t * (1.0 - t)
+    bow = hump * hump * hump
+    return bow, 2.0 * bow * (2.0 * t - 1.0)

@@ -1,0 +1,227 @@
+"""Read demonstrations from files of any known format, chosen by their content."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from skillctl.demonstrations import archive, lasa, lpvds, matlab, table
+from skillctl.demonstrations.checks import prepare, set_notes
+from skillctl.demonstrations.files import read_bytes
+from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
+from skillctl.errors import InputDataError, UsageError
+from skillctl.model import DemonstrationSet, StateSpace
+from skillctl.model.demonstration import AXIS_NAMES
+
+FORMATS = ("csv", "npz", "lasa", "lpvds")  # what ``input_format`` may force
+MATLAB_5 = (b"\x00\x01IM", b"\x01\x00MI")  # version and byte order at the end of the header
+FOREIGN = {  # first bytes of what people hand over by mistake, and what to do then
+    b"\x89SKILL": ("a skill, not a demonstration", "Look into it with: skillctl inspect"),
+    b"\x89HDF": ("an HDF5 file, which is not read yet", "Export the trajectories as CSV or NPZ."),
+    b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
+    b"\x93NUMPY": (
+        "a single NumPy array",
+        "Save it with times or dt: numpy.savez(file, positions=..., dt=...)",
+    ),
+    b"\x1f\x8b": ("compressed with gzip", "Unpack it with: gunzip"),
+    b"\xff\xfe": ("UTF-16 text", "Save it as UTF-8."),
+    b"\xfe\xff": ("UTF-16 text", "Save it as UTF-8."),
+    b"%PDF": ("a PDF document", "Name a demonstration file."),
+    b"\x89PNG": ("a picture", "Name a demonstration file."),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """A file that was read: where, what exactly, and as what.
+
+    Attributes:
+        path: As the user named it.
+        sha256: Of its bytes, in hexadecimal.
+        importer: One of ``FORMATS``.
+    """
+
+    path: Path
+    sha256: str
+    importer: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ReadResult:
+    """Demonstrations, the files they come from, and what the user should know about them."""
+
+    demonstrations: DemonstrationSet
+    sources: tuple[InputFile, ...]
+    notes: tuple[str, ...]
+
+
+def read_demonstrations(
+    paths: Sequence[Path],
+    *,
+    input_format: str | None = None,
+    columns: Sequence[str] | None = None,
+    dt: float | None = None,
+    units: Unit | None = None,
+    scale: float = 1.0,
+    select: Sequence[int] | None = None,
+    frame: str = "base",
+) -> ReadResult:
+    """Return the demonstrations in files, converted to one state space in metres (or radians).
+
+    Every file may hold one or many; formats may be mixed. Times start at zero in each demonstration.
+
+    Args:
+        paths: Files of any of ``FORMATS``.
+        input_format: Read every file as this format instead of looking at its content.
+        columns: Names of the position columns, in this order; x, y, z (or q1 …) in formats without names.
+        dt: Sampling period of files that say nothing about time, [s].
+        units: Unit of the positions. By default the format's: millimetres for LASA, metres otherwise.
+            ``rad`` makes it a joint space.
+        scale: Factor on all positions and velocities, after the conversion to metres.
+        select: Which demonstrations to take, counted from 0 over all files; the others are not checked.
+        frame: Frame in which the positions are given, for the record.
+
+    Raises:
+        NotFoundError: No such file.
+        InputDataError: Anything in a file that makes it unusable, with file and place.
+        UsageError: Options that make no sense, or select a demonstration that is not there.
+    """
+    _require_options(input_format, dt, scale)
+    recordings: list[Recording] = []
+    sources = []
+    for path in map(Path, paths):
+        content = read_bytes(path)
+        importer, found = _recordings(content, path, input_format, columns)
+        recordings += found
+        sources.append(InputFile(path, hashlib.sha256(content).hexdigest(), importer))
+    chosen = _selected(recordings, select)
+    names = _names(chosen, units)
+    prepared = [prepare(recording, dt=dt, units=units, scale=scale) for recording in chosen]
+    space = StateSpace(names, unit="rad" if units == "rad" else "m", frame=frame)
+    demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
+    notes = _file_notes(chosen, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
+    return ReadResult(demonstrations, tuple(sources), tuple(notes))
+
+
+def _require_options(input_format: str | None, dt: float | None, scale: float) -> None:
+    if input_format is not None and input_format not in FORMATS:
+        raise UsageError(f"input format: {input_format!r} is none of {', '.join(FORMATS)}.")
+    for name, value in {"dt": dt, "scale": scale}.items():
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise UsageError(f"{name}: must be a positive number, got {value!r}.")
+
+
+def _recordings(
+    content: bytes, path: Path, input_format: str | None, columns: Sequence[str] | None
+) -> tuple[str, list[Recording]]:
+    """Return the name of the format and the recordings in the content of a file."""
+    importer = input_format or _format_by_signature(content, path)
+    if importer == "csv":
+        return importer, table.read(content, path, columns)
+    if importer == "npz":
+        recordings = archive.read(content, path)
+    else:
+        importer, recordings = _from_matlab(matlab.variables(content, path), path, importer)
+    if columns is not None:
+        recordings = [_with_columns(recording, columns) for recording in recordings]
+    return importer, recordings
+
+
+def _format_by_signature(content: bytes, path: Path) -> str:
+    """Return csv, npz or mat, judging by the first bytes."""
+    if content.startswith(b"PK\x03\x04"):
+        return "npz"
+    if content[124:128] in MATLAB_5:
+        return "mat"
+    for start, (what, hint) in FOREIGN.items():
+        if content.startswith(start):
+            raise InputDataError(f"{path}: {what}.", hint=hint)
+    if b"\0" in content:
+        raise InputDataError(
+            f"{path}: neither text nor a format that skillctl knows.",
+            hint="Demonstrations are read from CSV, NPZ, LASA .mat and LPV-DS .mat files.",
+        )
+    return "csv"
+
+
+def _from_matlab(variables: matlab.Variables, path: Path, importer: str) -> tuple[str, list[Recording]]:
+    """Read the variables of a MATLAB file as ``importer`` says, or by their layout if it says ``mat``."""
+    if importer == "lasa" or (importer == "mat" and lasa.recognises(variables)):
+        return "lasa", lasa.read(variables, path)
+    if importer == "lpvds" or lpvds.recognises(variables):
+        return "lpvds", lpvds.read(variables, path)
+    raise InputDataError(
+        f"{path}: a MATLAB file of unknown layout (found {matlab.described(variables)}).",
+        hint="Expected demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt]).",
+    )
+
+
+def _with_columns(recording: Recording, columns: Sequence[str]) -> Recording:
+    """Return the recording with the named dimensions alone."""
+    names = recording.names or default_names(recording.positions.shape[1], recording.unit)
+    indices = list(column_indices(columns, names, recording.path))
+    velocities = None if recording.velocities is None else recording.velocities[:, indices]
+    return replace(
+        recording,
+        positions=recording.positions[:, indices],
+        velocities=velocities,
+        names=tuple(names[i] for i in indices),
+    )
+
+
+def _selected(recordings: list[Recording], select: Sequence[int] | None) -> list[Recording]:
+    if select is None:
+        return recordings
+    for index in select:
+        if not 0 <= index < len(recordings):
+            raise UsageError(
+                f"demonstration {index} does not exist; there are {len(recordings)}, counted from 0.",
+                hint="Choose others with --demos.",
+            )
+    return [recordings[index] for index in dict.fromkeys(select)]
+
+
+def _names(recordings: Sequence[Recording], units: Unit | None) -> tuple[str, ...]:
+    """Return the names that all recordings share.
+
+    Raises:
+        InputDataError: Other dimensions, or other names, in one file than in another.
+    """
+    named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
+    if named is None:
+        raise InputDataError("no demonstrations.", hint="Name at least one demonstration file.")
+    dimension = named.positions.shape[1]
+    names = named.names or default_names(dimension, units or named.unit)
+    for recording in recordings:
+        found = recording.positions.shape[1]
+        if found != dimension or recording.names not in (None, names):
+            what = f"{found} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
+            raise InputDataError(
+                f"{recording.label}: {what}, but {named.label} has {listed(names)}.",
+                hint="All demonstrations of one skill need the same columns; choose them with --columns.",
+            )
+    return names
+
+
+def _file_notes(
+    recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: Unit | None
+) -> list[str]:
+    """Return what the user should know about the files and how they were understood."""
+    notes = []
+    unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
+    if unused:
+        notes.append(f"left aside: {listed(tuple(unused))}; use --columns to choose others.")
+    if dt is not None and any(recording.times is not None for recording in recordings):
+        notes.append("--dt is not used where a file says when its samples were taken.")
+    dimension = recordings[0].positions.shape[1]
+    if units is None and dimension > len(AXIS_NAMES):
+        notes.append(f"{dimension} dimensions are taken as metres; joint angles need --units rad.")
+    first: dict[str, Path] = {}
+    for source in sources:
+        same = first.setdefault(source.sha256, source.path)
+        if same is not source.path:
+            notes.append(f"{source.path} has the same content as {same}.")
+    return notes

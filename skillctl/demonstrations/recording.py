@@ -1,0 +1,101 @@
+"""What a reader hands over: the numbers of one demonstration as they stand in its file."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.errors import InputDataError, UsageError, printable
+from skillctl.model import StateSpace
+
+Unit: TypeAlias = Literal["m", "mm", "rad"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recording:
+    """One demonstration before anything is checked, converted or left out.
+
+    Attributes:
+        path: File it comes from.
+        positions: Shape (T, d), in ``unit``.
+        times: Shape (T,), [s]; None if the file does not say.
+        velocities: Shape (T, d), per second; None if the file does not say.
+        names: One per dimension, None for formats that do not name them.
+        lines: Line of each sample in a text file, shape (T,); None for binary formats.
+        part: Which demonstration of its file, empty if it is the only one.
+        unit: Unit of the format; the user may know better.
+        unused: Columns of the file that were left aside without being asked.
+    """
+
+    path: Path
+    positions: FloatArray
+    times: FloatArray | None = None
+    velocities: FloatArray | None = None
+    names: tuple[str, ...] | None = None
+    lines: IntArray | None = None
+    part: str = ""
+    unit: Unit = "m"
+    unused: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The file as the user named it, and which part of it: for messages."""
+        return f"{self.path}, {self.part}" if self.part else str(self.path)
+
+    @property
+    def source(self) -> str:
+        """The file without its folder, and which part of it: for reports."""
+        return f"{self.path.name}, {self.part}" if self.part else self.path.name
+
+    def where(self, sample: int) -> str:
+        """Return where a sample stands in the file, in words."""
+        return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
+
+    def column(self, dimension: int) -> str:
+        """Return the name of a dimension for messages."""
+        names = self.names or default_names(self.positions.shape[1], self.unit)
+        return f"column {printable(names[dimension])!r}"
+
+
+def default_names(dimension: int, unit: Unit) -> tuple[str, ...]:
+    """Return x, y, z in Cartesian space and q1 … qd for joints."""
+    if unit == "rad":
+        return tuple(f"q{i + 1}" for i in range(dimension))
+    return StateSpace.cartesian(dimension).names
+
+
+def uniform_times(period: float, samples: int) -> FloatArray:
+    """Return 0, Δt, 2 Δt …, [s]. Shape (samples,)."""
+    return period * np.arange(samples, dtype=np.float64)
+
+
+def column_indices(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[int, ...]:
+    """Return where the wanted columns stand among ``names``.
+
+    Raises:
+        UsageError: A column named twice, or none at all.
+        InputDataError: No such column; names the nearest one and lists all.
+    """
+    if not wanted or len(set(wanted)) < len(wanted):
+        raise UsageError("columns: name at least one, and each once.")
+    for name in wanted:
+        if name not in names:
+            close = difflib.get_close_matches(name, names, n=1)
+            raise InputDataError(
+                f"{path}: there is no column {printable(name)!r}"
+                + (f"; did you mean {printable(close[0])!r}?" if close else "."),
+                hint=f"The columns are: {listed(names)}.",
+            )
+    return tuple(names.index(name) for name in wanted)
+
+
+def listed(names: Sequence[str], most: int = 20) -> str:
+    """Return names from a file as a list that is safe and short enough to print."""
+    shown = ", ".join(printable(name)[:40] for name in names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown

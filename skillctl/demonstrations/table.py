@@ -1,0 +1,235 @@
+"""CSV and TSV: a header row, then one row per sample."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.demonstrations.recording import Recording, column_indices, listed
+from skillctl.errors import InputDataError, printable
+from skillctl.model.demonstration import AXIS_NAMES
+
+Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
+Block: TypeAlias = tuple[IntArray, FloatArray, list[str]]  # lines, numbers, values of the demo column
+
+ROWS = 8192  # lines turned into numbers together: the text never stands in memory as a whole
+COMMENT = ("#", "%")
+TIME = re.compile(r"(t|time|timestamp)(_s| ?[\[(]s[\])])?", re.IGNORECASE)
+DEMO = "demo"
+
+
+def read(content: bytes, path: Path, columns: Sequence[str] | None = None) -> list[Recording]:
+    """Return the demonstrations of a table.
+
+    The first row names the columns: a time (``t``, ``time`` or ``timestamp``, in seconds), positions, and
+    optionally ``demo``, which tells several demonstrations apart. Of tables that hold more than positions
+    x and y (and z), only these are used unless ``columns`` says otherwise; of all others, every column is.
+    Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
+    Lines that start with # or % are comments; the last one before the numbers may be the header.
+
+    Raises:
+        InputDataError: No text, no header, no rows, ragged rows, cells that are no numbers: by line.
+    """
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig")
+    try:
+        header, body = _opened(text, path)
+        layout = _layout(header, columns, path)
+        blocks = list(_blocks(body, layout, path))
+    except UnicodeDecodeError as error:
+        raise InputDataError(f"{path}: not UTF-8 text.", hint="Save the table as UTF-8.") from error
+    except csv.Error as error:
+        raise InputDataError(f"{path}: not a table ({error}).", hint="Export it as CSV again.") from error
+    if not blocks:
+        raise InputDataError(f"{path}: a header but no rows.", hint="Record or export it again.")
+    lines, values, demos = zip(*blocks, strict=True)
+    return _split(layout, path, np.concatenate(lines), np.concatenate(values), list(chain(*demos)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """The lines after the header: how many came before them, and what separates their cells."""
+
+    lines: Iterator[str]
+    consumed: int
+    delimiter: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Which column means what.
+
+    Attributes:
+        names: All columns of the header.
+        time, demo: Their columns, None if absent.
+        positions: Columns of the positions.
+        unused: Names of columns left aside without being asked.
+    """
+
+    names: tuple[str, ...]
+    time: int | None
+    demo: int | None
+    positions: tuple[int, ...]
+    unused: tuple[str, ...]
+
+    @property
+    def numeric(self) -> tuple[int, ...]:
+        """Columns read as numbers: the time, if there is one, and the positions."""
+        return self.positions if self.time is None else (self.time, *self.positions)
+
+
+def _opened(text: Iterator[str], path: Path) -> tuple[list[str], _Body]:
+    comment = ""
+    for number, line in enumerate(text, start=1):
+        if line.strip().startswith(COMMENT):
+            comment = line.strip().lstrip("#% ")
+        elif line.strip():
+            delimiter = _delimiter(line)
+            cells, above = _cells(line, delimiter), _cells(comment, delimiter)
+            if not any(map(_is_number, cells)):
+                return cells, _Body(text, number, delimiter)
+            if len(above) == len(cells) and not any(map(_is_number, above)):
+                return above, _Body(chain([line], text), number - 1, delimiter)
+            raise InputDataError(
+                f"{path}, line {number}: numbers where the names of the columns should be.",
+                hint="Add a header as first line, such as t,x,y,z.",
+            )
+    raise InputDataError(f"{path}: a table without rows.", hint="Record or export it again.")
+
+
+def _delimiter(line: str) -> str:
+    most = max(",;\t", key=line.count)
+    return most if most in line else " "
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return next((cells for _, cells in _rows([line], delimiter, 0)), [])
+
+
+def _rows(text: Iterable[str], delimiter: str, consumed: int) -> Iterator[Row]:
+    lines = (line.strip("\n ") for line in text)  # not tabs: a tab at the end is an empty cell
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    for cells in reader:
+        if any(cells) and not cells[0].startswith(COMMENT):
+            yield consumed + reader.line_num, cells
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        np.array(cell, dtype=np.float64)
+    except ValueError:
+        return False
+    return True
+
+
+def _layout(header: list[str], columns: Sequence[str] | None, path: Path) -> _Layout:
+    names = tuple(name.strip() for name in header)
+    asked = set(columns or ())
+    time = next((i for i, name in enumerate(names) if TIME.fullmatch(name) and name not in asked), None)
+    demo = next((i for i, name in enumerate(names) if name.lower() == DEMO and name not in asked), None)
+    free = [i for i, name in enumerate(names) if name and i not in (time, demo)]
+    axes = [i for i in free if names[i].lower() in AXIS_NAMES]
+    if columns is not None:
+        positions = column_indices(columns, names, path)
+    elif {"x", "y"} <= {names[i].lower() for i in axes}:
+        positions = tuple(sorted(axes, key=lambda i: names[i].lower()))
+    else:
+        positions = tuple(free)
+    chosen = [names[i].lower() for i in positions]
+    if not positions or len(set(chosen)) < len(chosen):
+        raise InputDataError(
+            f"{path}: {'two position columns of one name' if positions else 'no position columns'}.",
+            hint=f"Name each column once, as in t,x,y,z. The columns are: {listed(names)}.",
+        )
+    unused = () if columns is not None else tuple(names[i] for i in free if i not in positions)
+    return _Layout(names, time, demo, positions, unused)
+
+
+def _blocks(body: _Body, layout: _Layout, path: Path) -> Iterator[Block]:
+    consumed = body.consumed
+    while lines := list(islice(body.lines, ROWS)):
+        values = _plain_numbers(lines, body.delimiter) if layout.demo is None else None
+        if values is not None and values.shape == (len(lines), len(layout.names)):
+            yield np.arange(consumed, consumed + len(lines)) + 1, values[:, layout.numeric], []
+        elif rows := list(_rows(lines, body.delimiter, consumed)):
+            yield _block(rows, layout, body.delimiter, path)
+        consumed += len(lines)
+
+
+def _plain_numbers(lines: list[str], delimiter: str) -> FloatArray | None:
+    """Return a block that holds nothing but numbers, parsed in one go; None if there is anything else."""
+    if any(line.isspace() for line in lines):
+        return None
+    try:
+        return np.loadtxt(
+            lines, delimiter=None if delimiter == " " else delimiter, comments=None, quotechar='"', ndmin=2
+        )
+    except ValueError:
+        return None
+
+
+def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Block:
+    """Return a block cell by cell, so that whatever is wrong with it can be named."""
+    width = len(layout.names)
+    for line, cells in rows:
+        if len(cells) != width:
+            raise InputDataError(
+                f"{path}, line {line}: {len(cells)} cells, but the header has {width}.",
+                hint="A recording that was cut off? Remove the incomplete line.",
+            )
+    texts = [[cells[i] for i in layout.numeric] for _, cells in rows]
+    if delimiter != ",":
+        texts = [[cell.replace(",", ".") for cell in row] for row in texts]
+    try:
+        values = np.array(texts, dtype=np.float64)
+    except ValueError as error:
+        raise _not_a_number(rows, texts, layout, path) from error
+    demos = [] if layout.demo is None else [cells[layout.demo] for _, cells in rows]
+    return np.array([line for line, _ in rows]), values, demos
+
+
+def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, path: Path) -> InputDataError:
+    """Return what to say about the first cell of a block that is no number."""
+    line, column, found = next(
+        (line, column, cells[column])
+        for (line, cells), row in zip(block, texts, strict=True)
+        for column, cell in zip(layout.numeric, row, strict=True)
+        if not _is_number(cell)
+    )
+    what = f"{printable(found)[:40]!r} is not a number" if found else "an empty cell"
+    return InputDataError(
+        f"{path}, line {line}, column {printable(layout.names[column])!r}: {what}.",
+        hint="Correct the cell, or choose other columns with --columns.",
+    )
+
+
+def _split(
+    layout: _Layout, path: Path, lines: IntArray, values: FloatArray, demos: list[str]
+) -> list[Recording]:
+    """Return one recording per value of the demo column, in the order of their first rows."""
+    times, positions = (None, values) if layout.time is None else (values[:, 0], values[:, 1:])
+    chosen = (layout.names[i] for i in layout.positions)
+    names = tuple(name.lower() if name.lower() in AXIS_NAMES else name for name in chosen)
+    number = {value: i for i, value in enumerate(dict.fromkeys(demos))}
+    codes = np.array([number[value] for value in demos]) if demos else np.zeros(len(lines), dtype=np.int64)
+    members = [np.flatnonzero(codes == code) for code in range(max(1, len(number)))]
+    return [
+        Recording(
+            path,
+            positions[rows],
+            times=None if times is None else times[rows],
+            names=names,
+            lines=lines[rows],
+            part=f"demo {printable(demos[rows[0]])[:40]}" if demos else "",
+            unused=layout.unused,
+        )
+        for rows in members
+    ]
