@@ -1,0 +1,106 @@
+"""The certified radius: within it one part acts alone, and in closed-form cases it is the border itself."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from skillctl.model import CombinedSkill, GaussianMixture, rollout
+from skillctl.stability import certify
+from skillctl.stability.region import certified_radius
+
+
+def two_parts(make_skill, rng, places, densities, priors=(0.5, 0.5), lyapunov=None):
+    parts = tuple(
+        replace(make_skill(rng, dimension=len(place), attractor=place, lyapunov=lyapunov), density=density)
+        for place, density in zip(places, densities, strict=True)
+    )
+    return CombinedSkill(parts, priors, "instantaneous")
+
+
+def scipy_scores(skill, x):
+    """Return log βᵢ pᵢ by SciPy, shape (n, parts)."""
+    scores = []
+    for prior, part in zip(skill.part_priors, skill.parts, strict=True):
+        density = part.density
+        logs = [
+            np.log(p) + multivariate_normal(m, c).logpdf(x)
+            for p, m, c in zip(density.priors, density.means, density.covariances, strict=True)
+        ]
+        scores.append(np.log(prior) + logsumexp(np.stack(logs, axis=-1), axis=-1))
+    return np.stack(scores, axis=-1)
+
+
+def test_between_equal_spheres_the_radius_is_half_the_distance(make_skill):
+    places = ([0.0, 0.0], [0.6, 0.8])
+    spheres = [GaussianMixture([1.0], [place], [0.01 * np.eye(2)]) for place in places]
+    skill = two_parts(make_skill, np.random.default_rng(0), places, spheres)
+    for index in (0, 1):
+        # Short of ½ by bisection and guard: less than 1e-6
+        assert 0.5 - 1e-6 < certified_radius(skill, index) < 0.5
+
+
+def test_a_larger_prior_moves_the_border_as_the_formula_says(make_skill):
+    places, variance = ([0.0], [1.0]), 0.04
+    lines = [GaussianMixture([1.0], [place], [[[variance]]]) for place in places]
+    skill = two_parts(make_skill, np.random.default_rng(1), places, lines, priors=(0.9, 0.1))
+    # log 9 − x²/2v + (1 − x)²/2v = 0
+    border = 0.5 + variance * np.log(9)
+    assert border - 1e-6 < certified_radius(skill, 0) < border
+    assert 1 - border - 1e-6 < certified_radius(skill, 1) < 1 - border
+
+
+def test_a_part_that_does_not_act_at_its_own_attractor_has_no_radius(make_skill):
+    places = ([0.0, 0.0], [1.0, 0.0])
+    swapped = [GaussianMixture([1.0], [place], [0.01 * np.eye(2)]) for place in places[::-1]]
+    skill = two_parts(make_skill, np.random.default_rng(2), places, swapped)
+    assert [certified_radius(skill, i) for i in (0, 1)] == [None, None]
+
+
+def test_a_tie_at_the_attractor_gives_no_radius(make_skill):
+    same = GaussianMixture([1.0], [[0.0, 0.0]], [np.eye(2)])
+    skill = two_parts(make_skill, np.random.default_rng(3), ([0.0, 0.0], [0.0, 0.0]), [same, same])
+    assert certified_radius(skill, 0) is None
+
+
+def test_numbers_beyond_float64_give_no_radius(make_skill):
+    tiny = GaussianMixture([1.0], [[1e160, 0.0]], [1e-160 * np.eye(2)])
+    near = GaussianMixture([1.0], [[0.0, 0.0]], [np.eye(2)])
+    skill = two_parts(make_skill, np.random.default_rng(4), ([0.0, 0.0], [1.0, 0.0]), [near, tiny])
+    assert certified_radius(skill, 0) is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(1, 4))
+def test_within_the_radius_the_part_wins_everywhere_and_motions_end(make_skill, seed, dimension):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(dimension, dimension))
+    p = root @ root.T + 0.3 * np.eye(dimension)
+    p = 0.5 * (p + p.T)
+    places = rng.normal(0, 0.4, (3, dimension))
+    parts = tuple(make_skill(rng, dimension=dimension, attractor=c, lyapunov=p) for c in places)
+    skill = CombinedSkill(parts, rng.dirichlet([5.0, 5.0, 5.0]), "instantaneous")
+    period = 0.5 * certify(replace(skill, gate="latched")).period
+    radii = [certified_radius(skill, index) for index in range(3)]
+    # Where a part clearly wins at its own attractor, it has a radius: the test below is not about nothing.
+    scores = scipy_scores(skill, places)
+    assert all(radii[i] for i in range(3) if scores[i, i] > np.delete(scores[i], i).max() + 1e-3)
+    for index, part in enumerate(parts):
+        radius = radii[index]
+        if radius is None:
+            continue
+        directions = rng.normal(size=(300, dimension))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        # The whole P-ball around the Euclidean one belongs to the part: sample its surface, and the inside.
+        stretch = 1 / np.sqrt(np.einsum("ni,ij,nj->n", directions, p, directions))
+        rho = radius * np.sqrt(np.linalg.eigvalsh(p)[-1])
+        shells = rng.uniform(0, 1, (300, 1)) ** 0.25
+        x = part.attractor + rho * stretch[:, None] * shells * directions
+        assert (np.argmax(scipy_scores(skill, x), axis=-1) == index).all()
+        motions = rollout(
+            skill, part.attractor + radius * directions[:5], duration=200 * period, period=period
+        )
+        assert (motions.parts == index).all()
