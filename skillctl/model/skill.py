@@ -217,10 +217,11 @@ class MergedSkill:
         x = np.asarray(positions, dtype=np.float64)
         within = [part.responsibilities(x) for part in self.parts]
         if self.gate == "experts":
-            weighted = [a * h**self.sharpness for a, h in zip(self.part_weights, within, strict=True)]
-            joined = np.hstack(weighted)
-            # Within each part the largest of K weights is at least 1/K, so the sum cannot vanish.
-            return np.asarray(joined / joined.sum(axis=1, keepdims=True))
+            joined = np.hstack(within)
+            # Relative to the largest, so that no sharpness makes all powers vanish.
+            powers = (joined / joined.max(axis=1, keepdims=True)) ** self.sharpness
+            powers *= np.repeat(self.part_weights, [part.n_components for part in self.parts])
+            return np.asarray(powers / powers.sum(axis=1, keepdims=True))
         return np.hstack([g[:, None] * h for g, h in zip(self.part_gates(x).T, within, strict=True)])
 
     def part_gates(self, positions: FloatArray) -> FloatArray:

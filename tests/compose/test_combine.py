@@ -1,0 +1,157 @@
+"""Combining: regions, priors, alignment, what is taken apart, and how much of what was taught is kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skillctl.compose import combine, coverage, merge
+from skillctl.errors import UsageError
+from skillctl.model import Demonstration, DemonstrationSet, GaussianMixture, StateSpace
+
+EPS = np.finfo(float).eps
+
+
+@pytest.fixture
+def three(make_skill):
+    rng = np.random.default_rng(1)
+    return [make_skill(rng, attractor=place) for place in ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0])]
+
+
+def test_parts_keep_their_attractors_unless_aligned(three):
+    assert combine(three).attractors.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    assert combine(three, part_priors=[2, 1, 1], align=True).attractors.tolist() == [[0.25, 0.25]] * 3
+    assert combine(three, align=True, target=[1 / 3, 5.0]).attractors.tolist() == [[1 / 3, 5.0]] * 3
+
+
+def test_priors_are_uniform_or_given(three):
+    assert (combine(three).part_priors == 1 / 3).all()
+    assert combine(three, part_priors=[1, 1, 2]).part_priors.tolist() == [0.25, 0.25, 0.5]
+
+
+def test_a_larger_prior_takes_ground(three):
+    x = np.random.default_rng(2).uniform(-0.5, 1.5, (500, 2))
+    even, favoured = combine(three), combine(three, part_priors=[1, 1e6, 1])
+    gained = (favoured.part_at(x) == 1) & (even.part_at(x) != 1)
+    assert gained.any()
+    assert not ((favoured.part_at(x) != 1) & (even.part_at(x) == 1)).any()
+
+
+def test_combined_skills_are_taken_apart(three):
+    inner = replace(combine(three[:2], part_priors=[1, 3], gate="instantaneous"), speed=2.0)
+    outer = combine([inner, three[2]], part_priors=[3, 1])
+    assert len(outer.parts) == 3
+    assert np.abs(outer.part_priors - [3 / 16, 9 / 16, 4 / 16]).max() <= 2 * EPS
+    assert [part.speed for part in outer.parts] == [2.0, 2.0, 1.0]
+    assert (outer.gate, outer.speed) == ("latched", 1.0)
+    x = np.random.default_rng(3).uniform(-0.5, 1.5, (200, 2))
+    chosen = outer.part_at(x)
+    both = chosen < 2
+    assert both.any()
+    assert (inner.part_at(x) == chosen)[both].all()
+    assert (outer.velocity(x)[both] == inner.velocity(x)[both]).all()
+
+
+def test_a_merged_skill_is_one_part(three):
+    merged = merge(three[:2])
+    assert combine([merged, three[2]]).parts == (merged, three[2])
+
+
+def test_a_disturbance_is_a_share_of_the_smallest_motion(make_skill):
+    rng = np.random.default_rng(4)
+
+    def of_size(size):
+        density = GaussianMixture([1.0], [[0.0, 0.0]], [np.diag([9.0, 16.0]) * size**2])
+        return replace(make_skill(rng), density=density)
+
+    # Two standard deviations each way: a box of 12 by 16 sizes, diagonal 20, five per cent of it 1
+    assert combine([of_size(0.01), of_size(0.5)]).disturbance_distance == pytest.approx(0.01, rel=8 * EPS)
+    assert combine([of_size(0.01), of_size(0.5)], disturbance_distance=0.3).disturbance_distance == 0.3
+
+
+def test_a_common_p_reaches_every_part(three):
+    p = np.diag([1.0, 2.0])
+    skill = combine(three, align=True, gate="instantaneous", lyapunov=p)
+    assert all((part.lyapunov == p).all() for part in skill.parts)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"part_priors": [1.0, 2.0]}, "part priors: expected 3 numbers, one per skill, got 2"),
+        ({"part_priors": [1.0, 2.0, 0.0]}, "part priors: must be positive, got 1, 2, 0"),
+        ({"gate": "random"}, "gate: one of latched, instantaneous, not 'random'"),
+        ({"target": [0.0, 0.0]}, "target: the skills keep their own attractors"),
+        ({"target": [0.0], "align": True}, "target: expected 2 finite numbers"),
+        ({"disturbance_distance": 0.0}, "disturbance distance: must be positive"),
+        ({"disturbance_distance": np.nan}, "disturbance distance: must be positive"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused_in_a_sentence(three, options, words):
+    with pytest.raises(UsageError, match=words):
+        combine(three, **options)
+
+
+def test_parts_that_do_not_fit_are_refused_in_a_sentence(make_skill, three):
+    with pytest.raises(UsageError, match="combine: needs at least two skills, got 1"):
+        combine(three[:1])
+    with pytest.raises(UsageError, match="combine: skill 2 has 3 dimensions"):
+        combine([three[0], make_skill(np.random.default_rng(0), dimension=3)])
+
+
+def straight(*starts, end=(0.0, 0.0), duration=2.0):
+    times = np.linspace(0, duration, 21)
+    share = np.linspace(1, 0, 21)[:, None]
+    motions = [
+        Demonstration.from_positions(times, np.asarray(end) + share * np.asarray(start)) for start in starts
+    ]
+    return DemonstrationSet(tuple(motions), StateSpace.cartesian(2))
+
+
+@pytest.fixture
+def crossing(make_skill):
+    """Two skills with Gaussians right of and above their attractors, both a unit wide circle away."""
+    rng = np.random.default_rng(5)
+    parts = []
+    for place, centre in (([0.0, 0.0], [0.5, 0.0]), ([3.0, 0.0], [3.0, 0.5])):
+        density = GaussianMixture([1.0], [centre], [0.25 * np.eye(2)])
+        parts.append(replace(make_skill(rng, attractor=place, rate=2.0), density=density))
+    return parts
+
+
+def test_coverage_counts_starts_that_select_and_motions_that_end(crossing):
+    skill = combine(crossing, disturbance_distance=0.1)
+    # Relative to the attractor, wherever the recording ended. The border between the regions is the
+    # perpendicular bisector of (0.5, 0) and (3, 0.5): at height 0 it is at x = 1.8.
+    first = straight([0.5, 0.0], [1.7, 0.0], [1.9, 0.0], [2.5, 0.0], end=(-7.0, 4.0))
+    second = straight([0.0, 0.5], [-1.1, 0.0])
+    report = coverage(skill, [first, second])
+    assert [(part.part, part.demonstrations) for part in report] == [(1, 4), (2, 2)]
+    assert [part.selected for part in report] == [0.5, 1.0]
+    assert [part.kept for part in report] == [0.5, 1.0]
+
+
+def test_a_part_without_demonstrations_is_left_out(crossing):
+    report = coverage(combine(crossing), [None, straight([0.0, 0.5])])
+    assert [part.part for part in report] == [2]
+
+
+def test_demonstrations_of_merged_leaves_count_for_their_part(crossing):
+    skill = combine([merge([crossing[0], crossing[0]]), crossing[1]])
+    sets = [straight([0.5, 0.0]), straight([0.6, 0.0], [2.5, 0.0]), None]
+    (report,) = coverage(skill, sets)
+    assert (report.part, report.demonstrations) == (1, 3)
+    assert report.selected == pytest.approx(2 / 3)
+
+
+def test_a_motion_that_selects_its_part_but_is_led_elsewhere_is_not_kept(crossing):
+    # Instantaneous: the goals of the two parts lie in each other's region, so no motion arrives.
+    swapped = [replace(a, density=b.density) for a, b in zip(crossing, crossing[::-1], strict=True)]
+    report = coverage(combine(swapped, gate="instantaneous"), [straight([3.0, 0.0]), straight([-3.0, 0.0])])
+    assert [part.selected for part in report] == [1.0, 1.0]
+    assert [part.kept for part in report] == [0.0, 0.0]
+
+
+def test_coverage_needs_one_set_per_leaf(crossing):
+    with pytest.raises(UsageError, match="demonstrations: expected 2 sets, got 1"):
+        coverage(combine(crossing), [None])
