@@ -47,6 +47,10 @@ class Command(TyperCommand):
         super().__init__(*args, **keywords)
         self.params.extend(common_options())
 
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the words of the usage line, required arguments without braces."""
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the help of the options."""
         write_grouped(self.get_params(ctx), ctx, formatter)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeAlias, TypeVar
 
 import typer
 
@@ -13,6 +13,18 @@ MOTION = "The motion"
 RESULT = "The result"
 
 T = TypeVar("T")
+
+# The choices of the rooms, spelt again because importing a room imports NumPy; a test holds them together.
+InputFormat: TypeAlias = Literal["csv", "npz", "lasa", "lpvds"]
+Units: TypeAlias = Literal["m", "mm", "rad"]
+Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
+Metric: TypeAlias = Literal["learned", "euclidean"]
+Preset: TypeAlias = Literal["fast", "default", "quality"]
+MergeGate: TypeAlias = Literal["superposition", "density", "experts"]
+CombineGate: TypeAlias = Literal["latched", "instantaneous"]
+Arm: TypeAlias = Literal["panda", "iiwa"]
+Plane: TypeAlias = Literal["xy", "xz", "yz"]
+Hand: TypeAlias = Literal["horizontal", "down", "free"]
 
 
 # Classes of their own, because Typer reads tuple[float, ...] as "takes two arguments".
@@ -46,6 +58,21 @@ def read_indices(text: str) -> Indices:
             raise typer.BadParameter(f"{text!r} is not a list of numbers from 0 on, as in 0,2,5-9.")
         found.extend(range(int(first), int(last or first) + 1))
     return Indices(found)
+
+
+def read_components(text: str) -> int | Literal["auto"]:
+    """Read a number of components, or ``auto``."""
+    if text == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is neither a number nor auto.") from None
+
+
+def read_start(text: str) -> Numbers | None:
+    """Read ``home`` (None), or coordinates."""
+    return None if text == "home" else read_numbers(text)
 
 
 def _listed(text: str, read: Callable[[str], T], expected: str) -> list[T]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from skillctl.cli import render
-from skillctl.cli.errors import describe
+from skillctl.cli.errors import Failure, describe
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import StoreError, printable
 
@@ -81,10 +81,22 @@ class Output:
         if self.debug:
             traceback.print_exception(error, file=sys.stderr)
         if failure.code != ExitCode.CLOSED_PIPE:
-            hint = f"\nhint: {failure.hint}" if failure.hint else ""
-            _to_stderr(render.to_json(failure) if self.as_json else f"error: {failure.message}{hint}")
+            self._tell(failure)
         _settle_stdout()
         return int(failure.code)
+
+    def failures(self, failures: Sequence[Failure], attempts: int) -> None:
+        """Tell about the failures among many attempts: each in words, or all of them in one document."""
+        if not self.as_json:
+            for failure in failures:
+                self._tell(failure)
+        elif failures:
+            worst = max(failure.code for failure in failures)
+            self._tell(Failure(worst, f"{len(failures)} of {attempts} skills could not be read."))
+
+    def _tell(self, failure: Failure) -> None:
+        hint = f"\nhint: {failure.hint}" if failure.hint else ""
+        _to_stderr(render.to_json(failure) if self.as_json else f"error: {failure.message}{hint}")
 
     def flush(self) -> None:
         """Make sure that what was printed has arrived: a full disk must not look like success."""

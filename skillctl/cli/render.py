@@ -10,7 +10,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from skillctl.errors import printable
+from skillctl.cli.errors import describe
+from skillctl.errors import SkillctlError, printable
 
 SCHEMA_VERSION = 1  # keys are only ever added under one version
 
@@ -18,7 +19,11 @@ COLOURS = {
     "stable": "green",
     "not proved": "red",
     "inconclusive": "yellow",
-    "refused": "red",
+    "unreadable": "red",
+    "reached": "green",
+    "timeout": "red",
+    "unreachable": "red",
+    "diverged": "red",
     "yes": "green",
     "no": "red",
 }
@@ -30,7 +35,6 @@ class Table:
 
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    title: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,10 +42,17 @@ class Facts:
     """Names and values, one a line."""
 
     items: tuple[tuple[str, str], ...]
-    title: str = ""
 
 
-Block: TypeAlias = Table | Facts | str
+@dataclasses.dataclass(frozen=True)
+class Lines:
+    """Sentences under a title."""
+
+    title: str
+    sentences: tuple[str, ...]
+
+
+Block: TypeAlias = Table | Facts | Lines | str
 
 
 def to_json(report: Any) -> str:
@@ -52,8 +63,12 @@ def to_json(report: Any) -> str:
 
 def plain(value: Any) -> Any:
     """Return a value as JSON knows it: dataclasses as objects, arrays as lists, NaN and infinity as null."""
+    if isinstance(value, SkillctlError):
+        return plain(describe(value))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if hasattr(value, "model_dump"):  # what an artifact's metadata is made of
+        return plain(value.model_dump())
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, Enum):
@@ -77,13 +92,18 @@ def to_text(blocks: Sequence[Block]) -> str:
 def _lines_of(block: Block) -> str:
     if isinstance(block, str):
         return f"{printable(block)}\n"
-    title = [printable(block.title)] if block.title else []
+    if isinstance(block, Lines):
+        return "".join(f"{printable(line)}\n" for line in _indented(block))
     if isinstance(block, Facts):
         width = max((len(name) for name, _ in block.items), default=0)
         lines = [f"{name:<{width}}  {printable(value)}" for name, value in block.items]
     else:
         lines = _aligned((block.headings, *block.rows), _right_aligned(block))
-    return "".join(f"{line.rstrip()}\n" for line in [*title, *lines])
+    return "".join(f"{line.rstrip()}\n" for line in lines)
+
+
+def _indented(block: Lines) -> list[str]:
+    return [block.title, *(f"  {sentence}" for sentence in block.sentences)]
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> list[str]:
@@ -123,7 +143,10 @@ def to_terminal(blocks: Sequence[Block], *, coloured: bool) -> str:
         for index, block in enumerate(blocks):
             if index:
                 console.print()
-            console.print(printable(block) if isinstance(block, str) else _rich_table(block), markup=False)
+            if isinstance(block, str | Lines):
+                console.print(to_text([block]).rstrip("\n"), markup=False)
+            else:
+                console.print(_rich_table(block))
     return captured.get()
 
 
@@ -137,35 +160,12 @@ def _rich_table(block: Table | Facts) -> Any:
 
     if isinstance(block, Facts):
         grid = RichTable.grid(padding=(0, 2))
-        grid.title, grid.title_justify = block.title or None, "left"
         for name, value in block.items:
             grid.add_row(Text(name, style="dim"), cell(value))
         return grid
-    table = RichTable(box=box.SIMPLE_HEAD, title=block.title or None, title_justify="left", pad_edge=False)
+    table = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading, right in zip(block.headings, _right_aligned(block), strict=True):
         table.add_column(heading, justify="right" if right else "left", overflow="fold")
     for row in block.rows:
         table.add_row(*map(cell, row))
     return table
-
-
-def length(value: float | None, unit: str) -> str:
-    """Return a distance for people: metres as millimetres, radians as they are; a dash if there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.4f} {unit}"
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with a few significant digits; a dash if there is none."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
-
-
-def point(values: Sequence[float]) -> str:
-    """Return coordinates as they are typed on the command line."""
-    return ",".join(f"{value:.4g}" for value in values)
-
-
-def yes_no(value: bool) -> str:
-    """Return ``yes`` or ``no``."""
-    return "yes" if value else "no"

@@ -1,0 +1,100 @@
+"""``skillctl combine``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skillctl.cli import options, render, words
+from skillctl.cli.output import Output
+
+if TYPE_CHECKING:
+    from skillctl.usecases.combine import CombineReport
+
+EXAMPLES = """\b
+Example:
+  skillctl combine top-left top-centre top-right --align --target 0.63,0,0.76 --name shelf
+  skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5"""
+
+
+def combine(
+    context: typer.Context,
+    skills: options.Skills,
+    output_file: options.OutputFile = None,
+    name: options.Name = None,
+    gate: Annotated[
+        options.CombineGate,
+        typer.Option(
+            help="latched: the acting skill is chosen at the start, and again after a disturbance; "
+            "instantaneous: at every instant, without a guarantee unless aligned.",
+            rich_help_panel=options.MOTION,
+        ),
+    ] = "latched",
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align",
+            help="Move all skills to one target: where the motion starts from it decides which acts.",
+            rich_help_panel=options.MOTION,
+        ),
+    ] = False,
+    target: options.Target = None,
+    priors: Annotated[
+        options.Numbers | None,
+        typer.Option(
+            parser=options.read_numbers,
+            metavar="B,B,...",
+            help="How readily each skill is chosen, all positive. Default: equal.",
+            rich_help_panel=options.MOTION,
+        ),
+    ] = None,
+    disturbance_distance: Annotated[
+        float | None,
+        typer.Option(
+            metavar="D",
+            help="A jump by more than this, in the unit of the skills, selects again. "
+            "Default: 5 % of the smallest skill's extent.",
+            rich_help_panel=options.MOTION,
+        ),
+    ] = None,
+    store: options.Store = None,
+) -> None:
+    """Combine skills: one of them acts at a time, chosen by where the motion starts.
+
+    Without --align every skill keeps its own target, so that where a motion starts decides where it ends.
+    """
+    from skillctl.usecases.combine import CombineOptions
+    from skillctl.usecases.combine import combine as combine_skills
+
+    output: Output = context.obj
+    report = combine_skills(
+        skills,
+        output=output_file,
+        name=name,
+        store=store,
+        options=CombineOptions(priors, gate, align, target, disturbance_distance),
+    )
+    for note in report.notes:
+        output.note(f"note: {note}")
+    for sentence in report.not_guaranteed:
+        output.note(f"warning: not guaranteed: {sentence}")
+    output.result(report, lambda: blocks(report))
+
+
+def blocks(report: CombineReport) -> list[render.Block]:
+    """Return the report for people."""
+    coverage = tuple(
+        (str(part.part), str(part.demonstrations), f"{part.selected:.0%}", f"{part.kept:.0%}")
+        for part in report.coverage
+    )
+    headings = ("part", "demonstrations", "start selects it", "and ends at its target")
+    ends = report.attractors[:1] if report.aligned else report.attractors
+    facts = (
+        *words.written(report.skill, report.path, report.digest, report.created),
+        ("gate", report.gate),
+        ("attractors", "   ".join(words.point(end, report.unit) for end in ends)),
+        ("selects again after", words.length(report.disturbance_distance, report.unit)),
+        *words.proof(report.verdict, report.rate, report.period, report.scope),
+    )
+    return [words.parts(report.parts, "prior"), render.Table(headings, coverage), render.Facts(facts)]

@@ -1,0 +1,77 @@
+"""``skillctl inspect``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from skillctl.cli import options, render, words
+from skillctl.cli.output import Output
+
+if TYPE_CHECKING:
+    from skillctl.usecases.inspect import InspectReport, Node
+
+EXAMPLES = """\b
+Example:
+  skillctl inspect reach
+  skillctl inspect reach@2 --json | jq '.leaves[0].joint_mixture.means'"""
+
+
+def inspect(context: typer.Context, skill: options.Skill, store: options.Store = None) -> None:
+    """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
+
+    With --json also every number, including the joint Gaussian mixture over positions and velocities.
+    """
+    from skillctl.usecases.inspect import inspect as inspect_skill
+
+    output: Output = context.obj
+    report = inspect_skill(skill, store=store)
+    output.result(report, lambda: blocks(report))
+
+
+def blocks(report: InspectReport) -> list[render.Block]:
+    """Return the report for people."""
+    space, certificate = report.space, report.certificate
+    facts = (
+        ("skill", report.skill),
+        ("file", str(report.path)),
+        ("digest", report.digest),
+        ("kind", " ".join([report.kind, *_how(report.tree)])),
+        ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
+        *words.proof(certificate.verdict, certificate.rate, certificate.period, certificate.scope),
+    )
+    rows = tuple(
+        (
+            str(leaf.part),
+            str(leaf.leaf),
+            str(leaf.n_components),
+            words.point(leaf.attractor.tolist(), space.unit),
+            f"{leaf.speed:g}",
+            str(leaf.demonstrations),
+        )
+        for leaf in report.leaves
+    )
+    leaves = render.Table(("part", "leaf", "components", "attractor", "speed", "demonstrations"), rows)
+    errors = words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
+    return [render.Facts(facts), leaves, *([errors] if report.reports else []), _origin(report)]
+
+
+def _how(node: Node) -> list[str]:
+    """Return how the parts of a skill act together."""
+    if node.gate is None:
+        return []
+    shares = ", ".join(f"{part.share:.3g}" for part in node.parts)
+    sharpness = f", sharpness {node.sharpness:g}" if node.gate == "experts" else ""
+    return [f"({node.gate}{sharpness}; shares {shares}; speed {node.speed:g})"]
+
+
+def _origin(report: InspectReport) -> render.Facts:
+    provenance = report.provenance
+    items = [("made by", f"skillctl {provenance.tool} {report.operation.command}")]
+    items += [
+        (parent.role, f"{parent.name}{f'@{parent.version}' if parent.version else ''}  {parent.digest}")
+        for parent in provenance.parents
+    ]
+    items += [("input", f"{file.path}  {file.importer}  sha256:{file.sha256}") for file in provenance.inputs]
+    return render.Facts(tuple(items))

@@ -1,0 +1,153 @@
+"""``skillctl learn``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skillctl.cli import options, render, words
+from skillctl.cli.output import Output
+
+if TYPE_CHECKING:
+    from skillctl.usecases.learn import LearnReport
+
+EXAMPLES = """\b
+Example:
+  skillctl learn reach-*.csv --name reach
+  skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
+  skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean"""
+
+LEARNING = "Learning"
+
+
+def learn(
+    context: typer.Context,
+    data: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DATA...", help="Files with demonstrations: CSV, TSV, NPZ, LASA or LPV-DS .mat."
+        ),
+    ],
+    output_file: options.OutputFile = None,
+    name: options.Name = None,
+    store: options.Store = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Learn again even if nothing changed.", rich_help_panel=options.RESULT),
+    ] = False,
+    input_format: Annotated[
+        options.InputFormat | None,
+        typer.Option(help="Default: told from the content.", rich_help_panel=options.INPUT),
+    ] = None,
+    columns: Annotated[
+        options.Words | None,
+        typer.Option(
+            parser=options.read_words,
+            metavar="X,Y,Z",
+            help="Columns that hold the position. Default: x, y, z, or all but the time.",
+            rich_help_panel=options.INPUT,
+        ),
+    ] = None,
+    dt: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Seconds between samples, if the file has no time.",
+            rich_help_panel=options.INPUT,
+        ),
+    ] = None,
+    units: Annotated[
+        options.Units | None, typer.Option(help="Unit of the positions.", rich_help_panel=options.INPUT)
+    ] = None,
+    scale: Annotated[
+        float, typer.Option(metavar="F", help="Multiply all positions.", rich_help_panel=options.INPUT)
+    ] = 1.0,
+    demos: Annotated[
+        options.Indices | None,
+        typer.Option(
+            parser=options.read_indices,
+            metavar="0,2,5-9",
+            help="Use these demonstrations only, counted from 0 over all files.",
+            rich_help_panel=options.INPUT,
+        ),
+    ] = None,
+    frame: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="Frame in which the positions are given.", rich_help_panel=options.INPUT
+        ),
+    ] = "base",
+    objective: Annotated[
+        options.Objective,
+        typer.Option(
+            help="reproduction: velocities and whole motions; mse: velocities; likelihood: Eq. 6.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = "reproduction",
+    metric: Annotated[
+        options.Metric,
+        typer.Option(
+            help="In which distance the motion approaches the target: learned from the data, or plain.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = "learned",
+    components: Annotated[
+        Any,
+        typer.Option(
+            parser=options.read_components,
+            metavar="N|auto",
+            help="Number of Gaussian components; auto: chosen by the error on demonstrations left out. "
+            "Default: 7, or fewer for little data.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = None,
+    preset: Annotated[
+        options.Preset, typer.Option(help="How much work to spend.", rich_help_panel=LEARNING)
+    ] = "default",
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Of the random starts.", rich_help_panel=LEARNING)
+    ] = 0,
+) -> None:
+    """Learn a skill from demonstrations, prove it stable, and write it.
+
+    Nothing is written unless the proof holds. The same files and options give the same bytes; learning them
+    again says "up to date" and does nothing.
+    """
+    from skillctl.learning import LearnOptions
+    from skillctl.usecases.learn import Reading
+    from skillctl.usecases.learn import learn as learn_skill
+
+    output: Output = context.obj
+    reading = Reading(input_format, columns, dt, units, scale, demos, frame)
+    learning = LearnOptions(objective, metric, components, preset, seed)
+    with output.progress("learning") as progress:
+        report = learn_skill(
+            [Path(path) for path in data],
+            output=output_file,
+            name=name,
+            store=store,
+            options=learning,
+            reading=reading,
+            force=force,
+            progress=progress,
+        )
+    for note in report.notes:
+        output.note(f"note: {note}")
+    output.result(report, lambda: blocks(report))
+
+
+def blocks(report: LearnReport) -> list[render.Block]:
+    """Return the report for people."""
+    if report.status == "up to date":
+        return [f"{report.skill} is up to date: the same files and options gave it. --force learns it again."]
+    facts = render.Facts(
+        (
+            *words.written(report.skill, report.path, report.digest, report.created),
+            ("components", str(report.n_components)),
+            ("attractor", words.point(report.attractor, report.unit)),
+            *words.proof("stable", report.rate, report.period),
+        )
+    )
+    return [words.demonstrations(report.demonstrations, report.unit), facts]

@@ -1,0 +1,115 @@
+"""Numbers and reports in words that several commands share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skillctl.cli.render import Table
+
+if TYPE_CHECKING:
+    from skillctl.store import DemonstrationReport
+    from skillctl.usecases.parts import PartSummary
+
+NONE = "–"
+SHORT_DIGEST = 12  # digits, enough to tell skills apart
+
+
+def length(value: float | None, unit: str) -> str:
+    """Return a distance for people: metres in millimetres; a dash if there is none."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    return f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.4f} {unit}"
+
+
+def number(value: float | None, unit: str = "", digits: int = 3) -> str:
+    """Return a number with a few significant digits; a dash if there is none."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def point(values: Sequence[float], unit: str = "") -> str:
+    """Return coordinates as they are typed on the command line."""
+    return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
+
+
+def yes_no(value: bool | None) -> str:
+    """Return ``yes``, ``no``, or a dash for what nobody knows."""
+    return NONE if value is None else ("yes" if value else "no")
+
+
+def proof(
+    verdict: str, rate: float | None, period: float | None, scope: str = "global"
+) -> tuple[tuple[str, str], ...]:
+    """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
+    facts = [("verdict", verdict if scope == "global" else f"{verdict} ({scope} proof)")]
+    rate_text, period_text, frequency = rate_and_period(rate, period)
+    if rate is not None:
+        facts.append(("decay rate", f"at least {rate_text}"))
+    if period is not None:
+        facts.append(("controller period", f"up to {period_text} ({frequency} or faster)"))
+    return tuple(facts)
+
+
+def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str, str]:
+    """Return a proved rate, a proved period, and that period as the frequency a controller needs."""
+    from skillctl.stability.report import at_least, at_most
+
+    return (
+        NONE if rate is None else f"{at_least(rate)} 1/s",
+        NONE if period is None else f"{at_least(period)} s",
+        NONE if period is None else f"{at_most(1 / period)} Hz",
+    )
+
+
+def written(skill: str, path: Path, digest: str, created: bool) -> tuple[tuple[str, str], ...]:
+    """Return where a new skill is, and what it is."""
+    name = skill if created else f"{skill} (unchanged)"
+    return (("skill", name), ("file", str(path)), ("digest", digest))
+
+
+def short(digest: str | None) -> str:
+    """Return the first digits of a content digest."""
+    return (digest or NONE).removeprefix("sha256:")[:SHORT_DIGEST]
+
+
+def parts(summaries: Sequence[PartSummary], share: str) -> Table:
+    """Return a table of what a skill was made of."""
+    rows = tuple(
+        (str(number), part.skill, f"{part.share:.3g}", str(part.n_components), short(part.digest))
+        for number, part in enumerate(summaries, start=1)
+    )
+    return Table(("part", "skill", share, "components", "digest"), rows)
+
+
+def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_leaf: bool = False) -> Table:
+    """Return a table of how well each demonstration is repeated."""
+    headings = ("demonstration", "duration", "velocity RMSE", "DTW", "arrives")
+    rows = [
+        (
+            report.source,
+            f"{report.duration:.2f} s",
+            per_second(report.velocity_rmse, unit),
+            length(report.dtw, unit),
+            _arrival(report, unit),
+        )
+        for report in reports
+    ]
+    if with_leaf:
+        headings = ("leaf", *headings)  # type: ignore[assignment]
+        rows = [(str(report.leaf + 1), *row) for report, row in zip(reports, rows, strict=True)]  # type: ignore[misc]
+    return Table(headings, tuple(rows))
+
+
+def _arrival(report: DemonstrationReport, unit: str) -> str:
+    """Return whether the motion arrived, and if not how far it stayed off."""
+    return f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
+
+
+def per_second(value: float | None, unit: str) -> str:
+    """Return a speed for people."""
+    text = length(value, unit)
+    return text if text == NONE else f"{text}/s"

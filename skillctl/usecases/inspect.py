@@ -1,0 +1,176 @@
+"""What is in a skill: its tree, its numbers, where it comes from, what is proved of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill, StateSpace
+from skillctl.stability import Certificate, certify
+from skillctl.store import DemonstrationReport, Operation, Provenance
+from skillctl.usecases.files import open_skill
+
+Kind: TypeAlias = Literal["seds", "merged", "combined"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointMixture:
+    """The Gaussian mixture over [ξ; ξ̇] that Eq. 2 speaks of and other SEDS tools use.
+
+    Attributes:
+        priors: Shape (K,).
+        means: Of [ξ; ξ̇], shape (K, 2d).
+        covariances: Shape (K, 2d, 2d).
+    """
+
+    priors: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """One learned skill of the tree.
+
+    Attributes:
+        leaf: Counted from 1, from left to right.
+        part: Part of the whole skill it belongs to, counted from 1.
+        n_components: K.
+        speed: Its own factor on all velocities, already in the mixture.
+        attractor, lyapunov, system_matrices: ξ* (d,), P (d, d), Aₖ (K, d, d) [1/s].
+        joint_mixture: The same as a mixture over positions and velocities.
+        demonstrations: Number of embedded demonstrations.
+    """
+
+    leaf: int
+    part: int
+    n_components: int
+    speed: float
+    attractor: FloatArray
+    lyapunov: FloatArray
+    system_matrices: FloatArray
+    joint_mixture: JointMixture
+    demonstrations: int
+
+
+@dataclass(frozen=True)
+class Node:
+    """One skill of the tree: how its parts act together; a SEDS skill has none.
+
+    Attributes:
+        kind: ``seds``, ``merged`` or ``combined``.
+        share: Weight or prior in the skill above; 1 for the whole.
+        gate, sharpness, disturbance_distance: As far as the kind has them.
+        speed: Factor on all velocities.
+        parts: From left to right.
+    """
+
+    kind: Kind
+    share: float
+    gate: str | None
+    sharpness: float | None
+    disturbance_distance: float | None
+    speed: float
+    parts: tuple[Node, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class InspectReport:
+    """What an artifact holds.
+
+    Attributes:
+        skill, path, digest: Its name, file and identity.
+        kind: Of the whole skill.
+        space: What the numbers of a state mean.
+        tree: How it is put together.
+        leaves: What it is made of.
+        certificate: What is proved of it, derived now.
+        reports: How well each leaf repeats each of its demonstrations.
+        operation, provenance: The command that made it, its inputs and parents.
+    """
+
+    skill: str
+    path: Path
+    digest: str
+    kind: Kind
+    space: StateSpace
+    tree: Node
+    leaves: tuple[Leaf, ...]
+    certificate: Certificate
+    reports: tuple[DemonstrationReport, ...]
+    operation: Operation
+    provenance: Provenance
+
+
+def inspect(reference: str | Path, *, store: Path | None = None) -> InspectReport:
+    """Return what is in the skill that a reference names.
+
+    Raises:
+        NotFoundError, ArtifactError: The reference leads to no intact skill.
+    """
+    source = open_skill(reference, store)
+    artifact, skill = source.artifact, source.skill
+    counts = [len(taught) if taught is not None else 0 for taught in artifact.demonstrations]
+    tree = _node(skill, 1.0)
+    return InspectReport(
+        skill=source.name,
+        path=source.located.path,
+        digest=artifact.digest,
+        kind=tree.kind,
+        space=skill.space,
+        tree=tree,
+        leaves=tuple(_leaves(skill, counts)),
+        certificate=certify(skill, digest=artifact.digest),
+        reports=artifact.reports,
+        operation=artifact.operation,
+        provenance=artifact.provenance,
+    )
+
+
+def joint_mixture(skill: SedsSkill) -> JointMixture:
+    """Return the mixture over [ξ; ξ̇] whose regression is the skill.
+
+    Mean of ξ̇: Aₖ (μₖ − ξ*); Σ_ξ̇ξ = Aₖ Σₖ; Σ_ξ̇ξ̇ = Aₖ Σₖ Aₖᵀ + Cₖ, with the skill's speed in Aₖ and Cₖ.
+
+    References:
+        Eq. 2, solved for the joint moments.
+    """
+    matrices, sigma = skill.component_matrices, skill.covariances
+    velocities = np.einsum("kij,kj->ki", matrices, skill.means - skill.attractor)
+    cross = matrices @ sigma
+    spread = cross @ matrices.swapaxes(1, 2) + skill.speed**2 * skill.residual_covariances
+    covariances = np.block([[sigma, cross.swapaxes(1, 2)], [cross, spread]])
+    return JointMixture(skill.priors, np.hstack([skill.means, velocities]), covariances)
+
+
+def _node(skill: Skill, share: float) -> Node:
+    if isinstance(skill, SedsSkill):
+        return Node("seds", share, None, None, None, skill.speed, ())
+    shares = skill.part_weights if isinstance(skill, MergedSkill) else skill.part_priors
+    parts = tuple(_node(part, float(s)) for part, s in zip(skill.parts, shares, strict=True))
+    if isinstance(skill, MergedSkill):
+        return Node("merged", share, skill.gate, skill.sharpness, None, skill.speed, parts)
+    return Node("combined", share, skill.gate, None, skill.disturbance_distance, skill.speed, parts)
+
+
+def _leaves(skill: Skill, counts: list[int]) -> list[Leaf]:
+    members = skill.parts if isinstance(skill, CombinedSkill | MergedSkill) else (skill,)
+    owned = [(part, leaf) for part, member in enumerate(members, start=1) for leaf in member.leaves]
+    return [
+        Leaf(
+            leaf=number,
+            part=part,
+            n_components=leaf.n_components,
+            speed=leaf.speed,
+            attractor=leaf.attractor,
+            lyapunov=leaf.lyapunov,
+            system_matrices=leaf.system_matrices,
+            joint_mixture=joint_mixture(leaf),
+            demonstrations=count,
+        )
+        for number, ((part, leaf), count) in enumerate(zip(owned, counts, strict=True), start=1)
+    ]

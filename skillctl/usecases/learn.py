@@ -1,0 +1,199 @@
+"""From demonstrations to a skill that is proved stable and written."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from skillctl.demonstrations import ReadResult, read_demonstrations
+from skillctl.learning import Fit, LearnOptions, fit
+from skillctl.learning import Progress as LearningProgress
+from skillctl.stability import Certificate, certify
+from skillctl.store import (
+    Artifact,
+    DemonstrationReport,
+    Operation,
+    current_provenance,
+    input_fingerprint,
+    input_record,
+)
+from skillctl.usecases.destination import Destination, Written
+from skillctl.usecases.evaluate import report_errors
+from skillctl.usecases.progress import Progress
+from skillctl.usecases.proof import require_stable
+
+Status = Literal["learned", "up to date"]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the files are read; see ``skillctl.demonstrations.read_demonstrations``."""
+
+    input_format: str | None = None
+    columns: tuple[str, ...] | None = None
+    dt: float | None = None
+    units: Literal["m", "mm", "rad"] | None = None
+    scale: float = 1.0
+    demos: tuple[int, ...] | None = None
+    frame: str = "base"
+
+    def read(self, paths: Sequence[Path]) -> ReadResult:
+        """Return the demonstrations in the files."""
+        return read_demonstrations(
+            paths,
+            input_format=self.input_format,
+            columns=self.columns,
+            dt=self.dt,
+            units=self.units,
+            scale=self.scale,
+            select=self.demos,
+            frame=self.frame,
+        )
+
+
+@dataclass(frozen=True)
+class LearnReport:
+    """What ``learn`` did.
+
+    Attributes:
+        status: ``learned``, or ``up to date``: the same files and options gave what is there.
+        skill, path, digest: How to name it, where it is, what it is.
+        created: False if exactly this skill was there already.
+        n_components, dimension, unit: Of the skill; unit of a position, ``m`` or ``rad``.
+        attractor: Where it ends, in that unit.
+        rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
+        demonstrations: How well it repeats each one.
+        notes: What was noticed about the input, and warnings of the learner.
+    """
+
+    status: Status
+    skill: str
+    path: Path
+    digest: str
+    created: bool
+    n_components: int
+    dimension: int
+    unit: str
+    attractor: tuple[float, ...]
+    rate: float | None
+    period: float | None
+    demonstrations: tuple[DemonstrationReport, ...]
+    notes: tuple[str, ...]
+
+
+def learn(
+    data: Sequence[str | Path],
+    *,
+    output: Path | None = None,
+    name: str | None = None,
+    store: Path | None = None,
+    options: LearnOptions | None = None,
+    reading: Reading | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> LearnReport:
+    """Learn a skill from demonstrations, prove it stable, and write it.
+
+    Args:
+        data: Files, each with one or many demonstrations of one motion.
+        output: File to write; or
+        name: Skill of the store to publish the next version of.
+        store: Where the name lives; default as on the command line.
+        options: How to learn.
+        reading: How to read the files.
+        force: Learn even if the same files and options gave what is there.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        UsageError: Neither or both of output and name, or options that make no sense.
+        NotFoundError: A file does not exist.
+        InputDataError: Demonstrations that cannot be used.
+        FitError: The result could not be proved stable; nothing is written.
+    """
+    options, reading = options or LearnOptions(), reading or Reading()
+    destination = Destination(output, name, store)
+    paths = [Path(path) for path in data]
+    operation = Operation(command="learn", options=_recorded(options, reading), seed=options.seed)
+    current = destination.current()
+    if current is not None and not force and _made_from(current[0], operation, paths):
+        return _report("up to date", *current, certify(current[0].skill), ())
+    read = reading.read(paths)
+    fitted = fit(read.demonstrations, options, progress=_adapted(progress))
+    certificate = certify(fitted.skill)
+    require_stable(certificate)
+    artifact = _artifact(fitted, read, operation)
+    return _report(
+        "learned", artifact, destination.write(artifact), certificate, (*read.notes, *fitted.warnings)
+    )
+
+
+def _recorded(options: LearnOptions, reading: Reading) -> dict[str, Any]:
+    """Return the options that decide the result, by their long names."""
+    learning = asdict(options)
+    learning["components"] = learning.pop("n_components")
+    del learning["seed"]  # the operation has a place of its own for it
+    return {**learning, **asdict(reading)}
+
+
+def _made_from(artifact: Artifact, operation: Operation, paths: Sequence[Path]) -> bool:
+    """Tell whether an artifact is what this operation on the bytes of these files would give."""
+    there = artifact.provenance
+    if [record.sha256 for record in there.inputs] != [_sha256(path) for path in paths]:
+        return False
+    would_be = current_provenance(inputs=there.inputs)
+    return input_fingerprint(artifact.operation, there) == input_fingerprint(operation, would_be)
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    except OSError:
+        return ""  # the reader says in words what is wrong with it
+
+
+def _adapted(progress: Progress | None) -> Callable[[LearningProgress], None] | None:
+    if progress is None:
+        return None
+    return lambda step: progress(step.stage, step.done, step.total)
+
+
+def _artifact(fitted: Fit, read: ReadResult, operation: Operation) -> Artifact:
+    results = {
+        "objective": fitted.objective,
+        "log_likelihood": fitted.log_likelihood,
+        "forced_deviation": fitted.forced_deviation,
+        "rising_share": fitted.rising_share,
+    }
+    return Artifact(
+        skill=fitted.skill,
+        demonstrations=(fitted.demonstrations,),
+        operation=operation.model_copy(update={"results": results}),
+        provenance=current_provenance(
+            inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
+        ),
+        reports=tuple(report_errors(fitted.skill, fitted.demonstrations)),
+    )
+
+
+def _report(
+    status: Status, artifact: Artifact, written: Written, certificate: Certificate, notes: tuple[str, ...]
+) -> LearnReport:
+    skill = artifact.skill
+    return LearnReport(
+        status=status,
+        skill=written.skill,
+        path=written.path,
+        digest=written.digest,
+        created=written.created,
+        n_components=skill.n_components,
+        dimension=skill.dimension,
+        unit=skill.space.unit,
+        attractor=tuple(skill.leaves[0].attractor.tolist()),
+        rate=certificate.rate,
+        period=certificate.period,
+        demonstrations=artifact.reports,
+        notes=notes,
+    )

@@ -1,0 +1,75 @@
+"""Skills made from skills: what a child takes over from its parents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skillctl.model import DemonstrationSet, SedsSkill, Skill
+from skillctl.store import DemonstrationReport, ParentRecord
+from skillctl.usecases.files import Source, open_skill
+
+
+@dataclass(frozen=True)
+class PartSummary:
+    """One skill that went into another.
+
+    Attributes:
+        skill, digest: How it was named and what it is.
+        share: Its weight (merge) or prior (combine); all sum to one.
+        n_components: Of all its leaves together.
+    """
+
+    skill: str
+    digest: str
+    share: float
+    n_components: int
+
+
+def open_parts(references: Sequence[str | Path], store: Path | None) -> list[Source]:
+    """Return the skills that the references name."""
+    return [open_skill(reference, store) for reference in references]
+
+
+def parents_of(sources: Sequence[Source]) -> list[ParentRecord]:
+    """Return what the child records about its parents."""
+    return [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
+
+
+def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartSummary, ...]:
+    """Return one summary per parent."""
+    return tuple(
+        PartSummary(source.name, source.artifact.digest, float(share), source.skill.n_components)
+        for source, share in zip(sources, shares, strict=True)
+    )
+
+
+def carried_demonstrations(
+    leaves: Sequence[SedsSkill], taught: Sequence[DemonstrationSet | None], child: Skill
+) -> tuple[DemonstrationSet | None, ...]:
+    """Return the demonstrations of the leaves, moved as their leaf moved on its way into the child.
+
+    Args:
+        leaves: Of all parents, from left to right.
+        taught: One set per leaf.
+        child: The skill made from them; its leaves are the same in the same order.
+    """
+    return tuple(
+        None if motions is None else motions.translated(moved.attractor - leaf.attractor)
+        for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
+    )
+
+
+def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
+    """Return the parents' reports, numbered by the leaves of the child.
+
+    They stay true: a leaf that is moved repeats a moved demonstration as well as before.
+    """
+    carried: list[DemonstrationReport] = []
+    first_leaf = 0
+    for source in sources:
+        reports = source.artifact.reports
+        carried += [report.model_copy(update={"leaf": first_leaf + report.leaf}) for report in reports]
+        first_leaf += len(source.skill.leaves)
+    return carried

