@@ -23,13 +23,13 @@ class Overlay:
 
     def __init__(self, camera: Camera, view: View, size: tuple[int, int]) -> None:
         """Args: camera and the view it rendered; size of the finished picture."""
-        self._camera, self._view, self._size = camera, view, size
+        self._camera, self._view = camera, view
         self._layer = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
 
     def image(self) -> Image.Image:
         """Return the layer at its finished size."""
-        return self._layer.resize(self._size, Image.Resampling.LANCZOS)
+        return self._layer.reduce(SUPERSAMPLING)
 
     def line(self, points: FloatArray, colour: Colour, width: float) -> None:
         """Draw a line through points (n, 3)."""

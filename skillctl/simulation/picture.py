@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
@@ -14,7 +13,6 @@ from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera, View
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.files import write_atomically
 from skillctl.simulation.options import Plane
 from skillctl.simulation.overlay import Overlay
 
@@ -37,23 +35,16 @@ FLOOR_SIZE, FLOOR_COLOUR = 4.0, (0.90, 0.91, 0.93, 1.0)
 HAZE = (2.2, 4.0)  # [m] from the camera: the floor fades into the sky between these distances
 SHADOW_BLUR = 5
 INK, PAPER = (38, 44, 54), (255, 255, 255)
-TRAIL, PLAN, TARGET = (20, 98, 204), (96, 108, 124), (214, 60, 36)
-
-
-def write_picture(episode: Episode, path: Path, *, title: str = "") -> None:
-    """Write the contact sheet of an episode as PNG; equal episodes give equal bytes.
-
-    Solid line: where the hand was; dotted: the ideal rollout; ring: the target. What lies behind a
-    surface is faint.
-
-    Raises:
-        StoreError: The disk refused.
-    """
-    write_atomically(path, encode_picture(episode, title=title))
+TRAIL, PLAN, TARGET = (196, 16, 104), (84, 96, 112), (0, 122, 80)  # seen against white, blue and orange arms
+FAILURE = (190, 40, 30)
 
 
 def encode_picture(episode: Episode, *, title: str = "") -> bytes:
-    """Return the PNG file of ``write_picture``."""
+    """Return the contact sheet of an episode as a PNG file; equal episodes give equal bytes.
+
+    Solid line: where the hand was; dots: the ideal rollout; ring: the target. What lies behind a surface
+    is faint. Frames are equal parts of the way apart, not of the time.
+    """
     width = COLUMNS * TILE[0] + (COLUMNS + 1) * GUTTER
     height = HEADER + ROWS * (TILE[1] + GUTTER)
     sheet = Image.new("RGB", (width, height), PAPER)
@@ -156,7 +147,7 @@ def _draw_header(draw: ImageDraw.ImageDraw, episode: Episode, title: str, width:
         "unreachable": f"out of the arm's reach after {metrics.simulated_time:.1f} s",
         "diverged": f"diverged after {metrics.simulated_time:.1f} s",
     }[episode.outcome]
-    colour = INK if episode.success else TARGET
+    colour = INK if episode.success else FAILURE
     left, right, middle = GUTTER + 4, width - GUTTER - 4, HEADER // 2
     name = title or f"{episode.arm.name} arm"
     draw.text((left, middle), name, font=ImageFont.load_default(22), fill=INK, anchor="lm")

@@ -1,4 +1,4 @@
-"""The log of an episode: one row of plain numbers per control period."""
+"""What an episode leaves on disk: a log of plain numbers, and a picture."""
 
 from __future__ import annotations
 
@@ -22,6 +22,18 @@ def write_log(episode: Episode, path: Path) -> None:
         StoreError: The disk refused.
     """
     write_atomically(path, encode_log(episode))
+
+
+def write_picture(episode: Episode, path: Path, *, title: str = "") -> None:
+    """Write six moments of the motion as one PNG (see ``encode_picture``); ``title`` stands above them.
+
+    Raises:
+        NotFoundError: PyBullet, which draws the arm, is not installed.
+        StoreError: The disk refused.
+    """
+    from skillctl.simulation.picture import encode_picture  # late: a log needs no Pillow
+
+    write_atomically(path, encode_picture(episode, title=title))
 
 
 def encode_log(episode: Episode) -> bytes:

@@ -1,0 +1,99 @@
+"""What the rest of the program must not notice: that PyBullet is there, is missing, or talks."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+
+import pytest
+
+from skillctl.errors import NotFoundError
+from skillctl.simulation import SimulationOptions, simulate
+from skillctl.simulation.bullet import load_bullet, silenced
+
+
+def test_without_pybullet_one_line_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, linear: object
+) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)  # as if it were not installed
+    with pytest.raises(NotFoundError, match="PyBullet is not installed") as refusal:
+        simulate(linear((0.5, 0.0, 0.5)), SimulationOptions())  # type: ignore[operator]
+    assert "pip install 'skillctl[sim]'" in refusal.value.hint
+    assert "\n" not in str(refusal.value) + refusal.value.hint
+
+
+def test_a_pybullet_that_does_not_load_is_told_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "pybullet":
+                raise ImportError("libfoo.so: cannot open shared object file")
+
+    monkeypatch.delitem(sys.modules, "pybullet", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
+    with pytest.raises(NotFoundError, match=r"libfoo\.so"):
+        load_bullet()
+
+
+def test_importing_the_room_loads_neither_pybullet_nor_pillow() -> None:
+    code = "import sys, skillctl.simulation as room; print({'pybullet', 'PIL', 'scipy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
+def test_a_silenced_descriptor_keeps_python_and_loses_c(capfd: pytest.CaptureFixture[str]) -> None:
+    libc = ctypes.CDLL(None)
+    os.write(1, b"before ")
+    with silenced(1):
+        libc.puts(b"from C")  # stays in C's own buffer unless it is flushed
+        os.write(1, b"from the descriptor")
+    os.write(1, b"after")
+    libc.fflush(None)
+    assert capfd.readouterr().out == "before after"
+
+
+def test_silence_ends_with_an_exception(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ZeroDivisionError), silenced(1):
+        _ = 1 / 0
+    os.write(1, b"heard")
+    assert capfd.readouterr().out == "heard"
+
+
+def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -> None:
+    pytest.importorskip(
+        "pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only"
+    )
+    code = """
+import sys
+from skillctl.simulation import SimulationOptions, simulate
+from skillctl.simulation.bullet import load_bullet, silenced
+from tests_skill import skill
+print("first", flush=True)
+simulate(skill, SimulationOptions(horizon=0.1))
+bullet = load_bullet()
+with silenced(1):
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        bullet.loadURDF("absent.urdf", physicsClientId=client)  # complains in C
+    except bullet.error:
+        pass
+    bullet.disconnect(client)
+print("last")
+"""
+    skill = linear((0.5, 0.0, 0.5))  # type: ignore[operator]
+    prelude = f"""
+import sys, types
+import numpy as np
+from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+one = np.ones(1)
+square = np.array([np.eye(3)])
+target = np.array({skill.attractor.tolist()})
+module = types.ModuleType("tests_skill")
+module.skill = SedsSkill(one, target[None], square, -2 * square, square, target, square[0],
+                         GaussianMixture(one, target[None], square), StateSpace.cartesian(3))
+sys.modules["tests_skill"] = module
+"""
+    done = subprocess.run([sys.executable, "-c", prelude + code], capture_output=True, text=True, check=True)
+    assert done.stdout == "first\nlast\n"
+    assert done.stderr == ""

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skillctl.errors import StoreError
+from skillctl.simulation import ARMS, Episode, TimeSeries, write_log
+from skillctl.simulation.episode import measure
+from skillctl.simulation.files import write_atomically
+from skillctl.simulation.motion import Plan
+from skillctl.simulation.placement import Placement
+
+
+@pytest.fixture
+def episode() -> Episode:
+    """An episode of five rows of random numbers: what matters here is that they come back."""
+    generator = np.random.default_rng(0)
+    arm = ARMS["panda"]
+    points, joints = generator.normal(size=(2, 5, 3)), generator.normal(size=(3, 5, arm.n_joints))
+    series = TimeSeries(np.arange(5) / 240, *points, *joints, generator.random(5), np.array([0, 0, 1, 1, 1]))
+    plan = Plan(points[0], points[0, -1], True)
+    return Episode(
+        outcome="timeout",
+        arm=arm,
+        hand="free",
+        base_yaw=0.0,
+        placement=Placement(np.eye(3), np.zeros(3), 1.0, None),
+        target=plan.target,
+        plan=plan,
+        series=series,
+        metrics=measure(series, plan, plan.target, arm, 2e-3),
+        wall_seconds=1.0,
+    )
+
+
+def test_every_number_of_the_log_reads_back_exactly(episode: Episode, tmp_path: Path) -> None:
+    write_log(episode, tmp_path / "run.csv")
+
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "run.csv").read_text())))
+
+    def columns(*names: str) -> np.ndarray:
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    series = episode.series
+    assert (columns("t")[:, 0] == series.times).all()
+    assert (columns("ref_x", "ref_y", "ref_z") == series.reference).all()
+    assert (columns("hand_x", "hand_y", "hand_z") == series.hand).all()
+    for prefix, values in (("q", series.joints), ("dq", series.velocities), ("tau", series.torques)):
+        assert (columns(*(f"{prefix}{joint}" for joint in range(1, 8))) == values).all()
+    assert (columns("ik_residual")[:, 0] == series.residuals).all()
+    assert [row["part"] for row in rows] == ["0", "0", "1", "1", "1"]
+    assert len(rows[0]) == 1 + 3 + 3 + 3 * 7 + 1 + 1
+
+
+def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("old and longer")
+    write_atomically(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_refusal_of_the_disk_leaves_nothing_behind(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").mkdir()  # a folder cannot be replaced by a file, whoever asks
+    with pytest.raises(StoreError, match=r"run\.csv"):
+        write_atomically(tmp_path / "run.csv", b"new")
+    with pytest.raises(StoreError, match="absent"):
+        write_atomically(tmp_path / "absent" / "run.csv", b"new")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

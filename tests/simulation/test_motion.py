@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from skillctl.model import CombinedSkill, Controller, SedsSkill
+from skillctl.simulation import SimulationOptions
+from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.motion import plan_motion
+from skillctl.simulation.placement import Placement
+
+HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
+EPS = np.finfo(np.float64).eps
+ROUNDING = 4 * EPS / CONTROL_PERIOD  # [m/s]: speeds are read off positions below 1 m
+
+
+def speeds_of(positions: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.diff(positions, axis=0), axis=1) / CONTROL_PERIOD
+
+
+def test_the_plan_keeps_to_speed_and_acceleration(linear: object) -> None:
+    rate, options = 8.0, SimulationOptions()
+    skill = linear((0.5, 0.0, 0.5), rate=rate)  # type: ignore[operator]
+
+    plan = plan_motion(skill, HERE, options, np.array([0.2, -0.4, 0.8]))
+
+    speeds = speeds_of(plan.positions)
+    changes = np.diff(np.concatenate([[0.0], speeds])) / CONTROL_PERIOD
+    assert plan.arrived
+    assert speeds.max() == pytest.approx(options.max_speed, abs=ROUNDING)
+    assert changes.max() <= options.max_acceleration + ROUNDING / CONTROL_PERIOD
+    # One period of delay where the skill's own slowing takes over from the brake.
+    delay = rate**2 * options.max_speed * CONTROL_PERIOD
+    assert -changes.min() <= options.max_acceleration + delay
+
+
+def test_limits_change_the_timing_and_not_the_path(reach: SedsSkill) -> None:
+    start = np.array([0.42, -0.20, 0.45])
+    free = solve_ivp(lambda _, x: reach.velocity(x), (0, 10), start, rtol=1e-9, atol=1e-12, max_step=0.005)
+
+    plan = plan_motion(reach, HERE, SimulationOptions(max_speed=0.15), start)
+
+    gaps = np.linalg.norm(plan.positions[::5, None] - free.y.T[None], axis=2).min(axis=1)
+    one_step = 0.15 * CONTROL_PERIOD  # Euler's path is off by less than a step, as every step contracts
+    between_samples = 0.5 * np.linalg.norm(np.diff(free.y, axis=1), axis=0).max()
+    assert gaps.max() < one_step + between_samples
+
+
+def test_a_2d_skill_moves_at_its_scale_and_into_its_plane(stroke: SedsSkill) -> None:
+    placement = Placement(np.eye(3)[:, [1, 2]], np.array([0.5, 0.0, 0.5]), 3.0, "yz")
+    plan = plan_motion(stroke, placement, SimulationOptions(), np.array([0.4, -0.2, 0.6]))
+    assert plan.arrived
+    assert plan.target == pytest.approx([0.5, 0.0, 0.5], abs=EPS)
+    assert plan.positions[-1] == pytest.approx(plan.target, abs=5e-4)  # a quarter of the tolerance
+
+
+def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: object) -> None:
+    skill = linear((0.5, 0.0, 0.5), rate=-1.0)  # type: ignore[operator]
+    plan = plan_motion(skill, HERE, SimulationOptions(), np.array([0.4, 0.0, 0.5]))
+    assert not plan.arrived
+
+
+def test_a_capped_command_is_not_a_disturbance(linear: object) -> None:
+    """At 50 /s the skill asks for 0.1 m per period: far more than the disturbance distance."""
+    acting = linear((0.0, 0.0, 0.0), rate=50.0, centre=(0.5, 0.0, 0.0))  # type: ignore[operator]
+    waiting = linear((0.0, 0.5, 0.0), rate=50.0, centre=(0.25, 0.0, 0.0), spread=0.02)  # type: ignore[operator]
+    skill = CombinedSkill((acting, waiting), np.array([0.5, 0.5]), disturbance_distance=0.02)
+    assert skill.part_at([[0.5, 0.0, 0.0], [0.25, 0.0, 0.0]]).tolist() == [0, 1]  # the way crosses a region
+
+    plan = plan_motion(skill, HERE, SimulationOptions(), np.array([0.5, 0.0, 0.0]))
+
+    assert plan.arrived
+    assert (plan.target == 0).all()
+
+
+def test_the_controller_shortens_but_does_not_turn(reach: SedsSkill) -> None:
+    position = np.array([0.42, -0.20, 0.45])
+    free = Controller(reach, CONTROL_PERIOD).step(position)
+    capped = Controller(reach, CONTROL_PERIOD).step(position, max_speed=0.05)
+    assert np.linalg.norm(free) > 0.05
+    assert capped == pytest.approx(0.05 * free / np.linalg.norm(free), rel=8 * EPS)
+    assert (Controller(reach, CONTROL_PERIOD).step(position, max_speed=1e3) == free).all()

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from skillctl.errors import UsageError
+from skillctl.simulation import ARMS, SimulationOptions
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("target", (0.5, math.nan, 0.5)),
+        ("start", (0.5, math.inf, 0.5)),
+        ("origin", (math.nan, 0.0, 0.0)),
+        ("origin", (0.5, 0.0)),
+        ("scale", 0.0),
+        ("scale", math.nan),
+        ("max_speed", -0.1),
+        ("max_acceleration", math.inf),
+        ("tolerance", 0.0),
+        ("settle_time", math.nan),
+        ("horizon", 0.0),
+        ("base_yaw", math.nan),
+        ("seed", -1),
+        ("arm", "crane"),
+        ("plane", "zx"),
+        ("hand", "up"),
+    ],
+)
+def test_a_value_without_meaning_is_refused_by_name(field: str, value: object) -> None:
+    with pytest.raises(UsageError, match=f"^{field}: "):
+        SimulationOptions(**{field: value})  # type: ignore[arg-type]
+
+
+def test_an_unknown_arm_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(UsageError) as refusal:
+        SimulationOptions(arm="crane")
+    assert all(name in str(refusal.value) for name in ARMS)
