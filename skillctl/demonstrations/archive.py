@@ -20,8 +20,8 @@ Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 RESERVED = ("positions", "velocities", "times", "dt")
 NUMERIC = "fiu"  # kinds of dtype: float, signed and unsigned integer
 LAYOUTS = (
-    "Save positions (T, d) or (D, T, d) with times or dt; or one array (T, d) per demonstration with dt "
-    "or <name>_times."
+    "Save positions (T, d) or (D, T, d) with times or dt; or arrays demo_0, demo_1 ... (T, d) with dt or "
+    "demo_0_times ..."
 )
 
 
@@ -30,7 +30,8 @@ def read(content: bytes, path: Path) -> list[Recording]:
 
     - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
     - ``positions`` (D, T, d): D of them; optional ``velocities`` (D, T, d), ``times`` (T,) or (D, T);
-    - any other arrays (T, d): one demonstration each, in their order; optional ``<name>_times`` (T,).
+    - one array (T, d) of any name, or several whose names end in a number (``demo_3``): one demonstration
+      each, in their order; optional ``<name>_times`` (T,).
 
     In all of them a scalar ``dt`` [s] may stand in place of times.
 
@@ -46,8 +47,11 @@ def _arrays(content: bytes, path: Path) -> Arrays:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
+            office = "[Content_Types].xml" in archive.namelist()
         if unpacked > MAX_BYTES:  # a small archive may claim terabytes
             raise ValueError(f"{unpacked} bytes unpacked; at most {MAX_BYTES} are read")
+        if office:
+            raise ValueError("an Office document; export its table as CSV")
         with np.load(io.BytesIO(content), allow_pickle=False) as loaded:
             return {name: np.asarray(loaded[name]) for name in loaded.files}
     except Exception as error:  # zipfile, zlib and NumPy raise a dozen types on damaged archives
@@ -89,6 +93,8 @@ def _named(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
     names = [name for name, array in arrays.items() if array.ndim == 2 and array.dtype.kind in NUMERIC]
     timed = {name: f"{name}_times" for name in names if f"{name}_times" in arrays}
     unused = tuple(name for name in arrays if name not in {"dt", *names, *timed.values()})
+    if not names or (len(names) > 1 and not all(name[-1:].isdigit() for name in names)):
+        raise _unknown_layout(arrays, path)  # pos and vel are not two demonstrations
     recordings = []
     for name in names:
         positions = _numbers(arrays, name, path)
@@ -99,8 +105,6 @@ def _named(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
                 raise _unknown_layout(arrays, path)
         part = f"array {printable(name)[:40]}"
         recordings.append(Recording(path, positions, times=times, part=part, unused=unused))
-    if not recordings:
-        raise _unknown_layout(arrays, path)
     return recordings
 
 
@@ -116,7 +120,7 @@ def _step(arrays: Arrays, path: Path) -> float | None:
 def _numbers(arrays: Arrays, name: str, path: Path) -> FloatArray:
     if arrays[name].dtype.kind not in NUMERIC:
         raise InputDataError(
-            f"{path}: array {printable(name)[:40]!r} holds {arrays[name].dtype}, not real numbers.",
+            f"{path}: array '{printable(name)[:40]}' holds {arrays[name].dtype}, not real numbers.",
             hint=LAYOUTS,
         )
     return arrays[name].astype(np.float64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.demonstrations.recording import Recording, Unit, uniform_times
+from skillctl.demonstrations.recording import Recording, uniform_times
 from skillctl.errors import InputDataError
 from skillctl.model import Demonstration, DemonstrationSet
 
@@ -43,15 +43,12 @@ class Findings:
     estimated_step: float
 
 
-def prepare(
-    recording: Recording, *, dt: float | None, units: Unit | None, scale: float
-) -> tuple[Demonstration, Findings]:
+def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[Demonstration, Findings]:
     """Return the demonstration in a recording, and what was noticed on the way.
 
     Args:
         recording: As read.
         dt: Sampling period where the recording has no times, [s].
-        units: Unit of the recording, its own by default.
         scale: Factor on positions and velocities, after the conversion to metres.
 
     Raises:
@@ -69,7 +66,7 @@ def prepare(
             "there is no motion to learn.",
             hint="Check that the recording is whole and the position columns are right, or leave it out.",
         )
-    per_unit = 1000.0 if (units or recording.unit) == "mm" else 1.0
+    per_unit = 1000.0 if recording.unit == "mm" else 1.0
     started, moved = times - times[0], positions * scale / per_unit
     if recording.velocities is None:
         demonstration = Demonstration.from_positions(started, moved, recording.source)

@@ -95,11 +95,11 @@ def read_demonstrations(
     for path in map(Path, paths):
         content = read_bytes(path)
         importer, found = _recordings(content, path, input_format, columns)
-        recordings += found
+        recordings += [_as_asked(recording, columns, units) for recording in found]
         sources.append(InputFile(path, hashlib.sha256(content).hexdigest(), importer))
     chosen = _selected(recordings, select)
-    names = _names(chosen, units)
-    prepared = [prepare(recording, dt=dt, units=units, scale=scale) for recording in chosen]
+    names = _names(chosen)
+    prepared = [prepare(recording, dt=dt, scale=scale) for recording in chosen]
     space = StateSpace(names, unit="rad" if units == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(chosen, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
@@ -122,12 +122,8 @@ def _recordings(
     if importer == "csv":
         return importer, table.read(content, path, columns)
     if importer == "npz":
-        recordings = archive.read(content, path)
-    else:
-        importer, recordings = _from_matlab(matlab.variables(content, path), path, importer)
-    if columns is not None:
-        recordings = [_with_columns(recording, columns) for recording in recordings]
-    return importer, recordings
+        return importer, archive.read(content, path)
+    return _from_matlab(matlab.variables(content, path), path, importer)
 
 
 def _format_by_signature(content: bytes, path: Path) -> str:
@@ -159,16 +155,19 @@ def _from_matlab(variables: matlab.Variables, path: Path, importer: str) -> tupl
     )
 
 
-def _with_columns(recording: Recording, columns: Sequence[str]) -> Recording:
-    """Return the recording with the named dimensions alone."""
-    names = recording.names or default_names(recording.positions.shape[1], recording.unit)
+def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:
+    """Return the recording in the unit the user knows better, and of formats without names, the columns."""
+    unit = units or recording.unit
+    if columns is None or recording.names is not None:
+        return replace(recording, unit=unit)
+    names = default_names(recording.positions.shape[1], unit)
     indices = list(column_indices(columns, names, recording.path))
-    velocities = None if recording.velocities is None else recording.velocities[:, indices]
     return replace(
         recording,
+        unit=unit,
         positions=recording.positions[:, indices],
-        velocities=velocities,
-        names=tuple(names[i] for i in indices),
+        velocities=None if recording.velocities is None else recording.velocities[:, indices],
+        names=tuple(columns),
     )
 
 
@@ -184,7 +183,7 @@ def _selected(recordings: list[Recording], select: Sequence[int] | None) -> list
     return [recordings[index] for index in dict.fromkeys(select)]
 
 
-def _names(recordings: Sequence[Recording], units: Unit | None) -> tuple[str, ...]:
+def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
@@ -194,7 +193,7 @@ def _names(recordings: Sequence[Recording], units: Unit | None) -> tuple[str, ..
     if named is None:
         raise InputDataError("no demonstrations.", hint="Name at least one demonstration file.")
     dimension = named.positions.shape[1]
-    names = named.names or default_names(dimension, units or named.unit)
+    names = named.names or default_names(dimension, named.unit)
     for recording in recordings:
         found = recording.positions.shape[1]
         if found != dimension or recording.names not in (None, names):

@@ -29,7 +29,7 @@ class Recording:
         names: One per dimension, None for formats that do not name them.
         lines: Line of each sample in a text file, shape (T,); None for binary formats.
         part: Which demonstration of its file, empty if it is the only one.
-        unit: Unit of the format; the user may know better.
+        unit: Of the positions; rad for joint angles.
         unused: Columns of the file that were left aside without being asked.
     """
 
@@ -60,7 +60,7 @@ class Recording:
     def column(self, dimension: int) -> str:
         """Return the name of a dimension for messages."""
         names = self.names or default_names(self.positions.shape[1], self.unit)
-        return f"column {printable(names[dimension])!r}"
+        return f"column '{printable(names[dimension])}'"
 
 
 def default_names(dimension: int, unit: Unit) -> tuple[str, ...]:
@@ -88,8 +88,8 @@ def column_indices(wanted: Sequence[str], names: Sequence[str], path: Path) -> t
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             raise InputDataError(
-                f"{path}: there is no column {printable(name)!r}"
-                + (f"; did you mean {printable(close[0])!r}?" if close else "."),
+                f"{path}: there is no column '{printable(name)}'"
+                + (f"; did you mean '{printable(close[0])}'?" if close else "."),
                 hint=f"The columns are: {listed(names)}.",
             )
     return tuple(names.index(name) for name in wanted)

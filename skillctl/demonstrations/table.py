@@ -204,9 +204,9 @@ def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, pat
         for column, cell in zip(layout.numeric, row, strict=True)
         if not _is_number(cell)
     )
-    what = f"{printable(found)[:40]!r} is not a number" if found else "an empty cell"
+    what = f"'{printable(found)[:40]}' is not a number" if found else "an empty cell"
     return InputDataError(
-        f"{path}, line {line}, column {printable(layout.names[column])!r}: {what}.",
+        f"{path}, line {line}, column '{printable(layout.names[column])}': {what}.",
         hint="Correct the cell, or choose other columns with --columns.",
     )
 

@@ -1,0 +1,135 @@
+"""The example reaches: reproducible to the byte, human in shape, and possible in front of the shelf."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skillctl.demonstrations import reaching, read_demonstrations, write_csv
+from skillctl.demonstrations.reaching import (
+    COUNT,
+    PLACES,
+    TASKS,
+    reaching_demonstrations,
+    target_of,
+)
+from skillctl.errors import StoreError, UsageError
+from skillctl.model import Demonstration
+
+COMMITTED = Path(__file__).parents[2] / "skills" / "demonstrations"
+ROUNDING = 1e-5  # positions are rounded to 10 µm
+
+
+@pytest.mark.parametrize("place", TASKS)
+def test_the_committed_files_are_regenerated_to_the_byte(place: str, tmp_path: Path) -> None:
+    names = [f"{i}.csv" for i in range(1, COUNT + 1)]
+    assert sorted(path.name for path in (COMMITTED / place).iterdir()) == names
+    for name, demonstration in zip(names, reaching_demonstrations(place), strict=True):
+        write_csv(demonstration, tmp_path / name)
+        assert (tmp_path / name).read_bytes() == (COMMITTED / place / name).read_bytes()
+
+
+def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
+    (demonstration,) = reaching_demonstrations("top-left", 1, seed=3)
+    write_csv(demonstration, tmp_path / "reach.csv")
+    result = read_demonstrations([tmp_path / "reach.csv"])
+    (read,) = result.demonstrations
+    assert (read.positions == demonstration.positions).all()
+    assert (read.times == demonstration.times).all()
+    assert (read.velocities == demonstration.velocities).all()
+    assert result.notes == ()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_reaches_end_at_the_cup_after_ten_straight_centimetres(place: str) -> None:
+    target = target_of(place)
+    for demonstration in reaching_demonstrations(place, 20, seed=1):
+        x = demonstration.positions
+        assert (x[-1] == target).all()
+        entry = x[x[:, 0] >= target[0] - 0.1]
+        # A finger's breadth is 20 mm; 3 mm off the line is straight.
+        assert np.abs(entry[:, 1:] - target[1:]).max() < 0.003
+        assert (np.diff(entry[:, 0]) >= 0).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_reaches_keep_clear_of_the_boards(place: str) -> None:
+    for demonstration in reaching_demonstrations(place, 20, seed=2):
+        x, _, z = demonstration.positions.T
+        near = x > 0.5 - 0.03  # boards begin at 0.50
+        for bottom, top in ((0.40, 0.42), (0.68, 0.70)):
+            assert not (near & (z > bottom - 0.03) & (z < top + 0.03)).any()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_reaches_start_low_in_front_of_the_shelf_and_vary(place: str) -> None:
+    demonstrations = reaching_demonstrations(place, 20, seed=3)
+    starts = np.stack([d.positions[0] for d in demonstrations])
+    assert (np.abs(starts - [0.4125, 0.0, 0.55]) <= [0.0275, 0.12, 0.03]).all()
+    assert (np.ptp(starts, axis=0) > [0.03, 0.12, 0.03]).all()
+    durations = [d.duration for d in demonstrations]
+    assert 2.4 <= min(durations) < max(durations) <= 3.8
+    underway = np.stack([d.positions[len(d.times) // 3] for d in demonstrations])
+    assert (underway.std(axis=0) > 0.005).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_speed_follows_the_minimum_jerk_law(place: str) -> None:
+    for demonstration in reaching_demonstrations(place, 4, seed=4):
+        steps = np.linalg.norm(np.diff(demonstration.positions, axis=0), axis=1)
+        t = demonstration.times / demonstration.duration
+        law = 10 * t**3 - 15 * t**4 + 6 * t**5
+        # Both ends of each of the at most 380 steps are rounded; a chord is shorter than its arc by less.
+        assert np.abs(np.cumsum(steps) / steps.sum() - law[1:]).max() < 380 * 2 * ROUNDING / steps.sum()
+        assert steps.max() * 100 == pytest.approx(1.875 * steps.sum() / demonstration.duration, rel=0.02)
+
+
+def test_side_and_height_do_not_depend_on_each_other() -> None:
+    # Relative to its target, a reach to the top left moves sideways as one to the bottom left, and upwards
+    # as one to the top centre: with one style the three differ only in how fast the path is run through.
+    style = reaching._Style.drawn(np.random.default_rng(0))
+    left, top, both = (
+        reaching._path(style, target_of(place)) - target_of(place)
+        for place in ("bottom-left", "top-centre", "top-left")
+    )
+    eps = 4 * np.finfo(float).eps
+    assert np.abs(both[:, 1] - left[:, 1]).max() <= eps
+    assert np.abs(both[:, 2] - top[:, 2]).max() <= eps
+
+
+def test_a_demonstration_depends_on_place_seed_and_index_alone() -> None:
+    few, many = reaching_demonstrations("top-left", 2, 5), reaching_demonstrations("top-left", 4, 5)
+    for one, other in zip(few, many, strict=False):
+        assert (one.positions == other.positions).all()
+    first = [reaching_demonstrations(p, 1, s).demonstrations[0] for p in TASKS for s in (0, 1)]
+    assert len({d.positions[0].tobytes() for d in first}) == 2 * len(TASKS)
+
+
+def test_sampling_is_even_and_at_rest_at_both_ends() -> None:
+    (demonstration,) = reaching_demonstrations("bottom-right", 1)
+    assert (demonstration.times == np.round(np.arange(len(demonstration.times)) / 100, 2)).all()
+    ends = demonstration.velocities[[0, -1]]
+    assert np.abs(ends).max() <= 2 * ROUNDING / 0.01
+
+
+def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match="'middle' is none of bottom-left, bottom-centre, bottom-right, top-"
+    ):
+        target_of("middle")
+    for count, seed in ((0, 0), (1, -1)):
+        with pytest.raises(UsageError, match="at least 1 and 0"):
+            reaching_demonstrations("top-left", count, seed)
+    (demonstration,) = reaching_demonstrations("top-left", 1)
+    with pytest.raises(StoreError, match="cannot be written"):
+        write_csv(demonstration, tmp_path / "missing" / "reach.csv")
+
+
+def test_a_table_is_written_without_negative_zeros_and_with_line_feeds(tmp_path: Path) -> None:
+    x = np.array([[-1e-9, 1.0], [2 / 3, -0.5]])
+    write_csv(Demonstration.from_positions([0.0, 0.01], x), tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_bytes() == (
+        b"t,x,y\n0.00000,0.00000,1.00000\n0.01000,0.66667,-0.50000\n"
+    )
