@@ -20,12 +20,16 @@ class Weights:
         phase: Cost of matching points one whole path apart, in rms distances.
         robust: Distance below which a rollout residual counts quadratically, above linearly.
         overrun: Length of a rollout, in durations of its demonstration.
+        displacement: How far beside the recorded starts displaced copies start, in rms distances.
+        displaced_share: Share of the rollout weight that the displaced copies have.
     """
 
     rollout: float = 10.0
     phase: float = 1.0
     robust: float = 0.05
     overrun: float = 1.1
+    displacement: float = 0.1
+    displaced_share: float = 0.5
 
 
 DEFAULT_WEIGHTS = Weights()
@@ -86,11 +90,12 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.steps = data.steps / substeps
+        self.paths, self.path_weights = _with_displaced(data.positions, weights)
+        self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.positions, self.targets = (a.T.copy() for a in data.points)
         self.velocity_weight = 1.0 / np.sqrt(self.positions.shape[1])
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
-        self.demo_phase = _phases(data.positions)
+        self.path_phase = _phases(self.paths)
 
     def evaluate(self, field: Field) -> Evaluation:
         """Return the residuals at ``field``."""
@@ -119,30 +124,58 @@ class LearningObjective:
 
     def _matched(self, field: Field) -> Matching:
         """Roll out from every demonstration's start and match both ways."""
-        demos = self.data.positions
+        demos = self.paths
         states, predicted = heun_rollouts(field, demos[:, 0].T, self.steps, self.count)
-        paths = states.transpose(2, 0, 1)
-        trajectories, length, d = paths.shape
+        rolled = states.transpose(2, 0, 1)
+        trajectories, length, d = rolled.shape
         samples = demos.shape[1]
-        path_phase, phase = _phases(paths), self.weights.phase
+        rolled_phase, phase = _phases(rolled), self.weights.phase
         who = np.arange(trajectories)[:, None]
-        index, share = _nearest_place(demos, self.demo_phase, paths, path_phase, phase)
-        to_rollout = _at(paths, index, share) - demos
-        demo_index, fraction = _nearest_place(paths, path_phase, demos, self.demo_phase, phase)
-        to_demo = paths - _at(demos, demo_index, fraction)
+        index, share = _nearest_place(demos, self.path_phase, rolled, rolled_phase, phase)
+        to_rollout = _at(rolled, index, share) - demos
+        demo_index, fraction = _nearest_place(rolled, rolled_phase, demos, self.path_phase, phase)
+        to_demo = rolled - _at(demos, demo_index, fraction)
         own = np.arange(length) * trajectories + who
         rows = np.stack(
             [np.hstack([index * trajectories + who, own]), np.hstack([(index + 1) * trajectories + who, own])]
         )
         shares = np.hstack([share, np.zeros(own.shape)]).ravel()
         errors = np.concatenate([to_rollout, to_demo], axis=1).reshape(-1, d)
-        counts = np.tile(np.repeat([samples, length], [samples, length]), trajectories) * trajectories
-        weights = 0.5 * self.weights.rollout / counts
+        shares_of_points = np.repeat([1 / samples, 1 / length], [samples, length])
+        weights = 0.5 * self.weights.rollout * np.outer(self.path_weights, shares_of_points).ravel()
         # Pseudo-Huber: ρ(r) = 2 δ² (√(1 + r²/δ²) − 1), quadratic below δ and linear above; ρ'/2r = 1/√(…)
         root = np.sqrt(1.0 + (errors**2).sum(axis=1) / self.weights.robust**2)
         cost = float(weights @ (root - 1.0)) * self.weights.robust**2
         scales = np.sqrt(weights / root)
         return Matching(states, predicted, rows.reshape(2, -1), shares, errors, scales, cost)
+
+
+def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, FloatArray]:
+    """Return the demonstrations and displaced copies of them, with the weight of each, summing to one.
+
+    A copy starts beside the demonstration and closes in on it as the share of path left. Without such
+    copies a fit may hold its trajectories on a knife's edge: right from the recorded start, lost from a
+    millimetre beside it.
+
+    Args:
+        paths: Demonstrations, shape (D, T, d).
+        weights: Displacement and the weight of the copies.
+    """
+    count, _, d = paths.shape
+    if weights.displacement == 0:
+        return paths, np.full(count, 1 / count)
+    # Across the motion, a different direction for each demonstration; along it where there is no across.
+    initial = paths[:, paths.shape[1] // 10] - paths[:, 0]
+    initial /= np.maximum(np.linalg.norm(initial, axis=1, keepdims=True), 1e-12)
+    across = np.random.default_rng(0).standard_normal((count, d))
+    if d > 1:
+        across -= (across * initial).sum(axis=1, keepdims=True) * initial
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    left = (1.0 - _phases(paths))[..., None]
+    shift = weights.displacement * across[:, None] * left
+    share = weights.displaced_share
+    copies = np.concatenate([paths, paths + shift, paths - shift])
+    return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
 
 
 def _phases(paths: FloatArray) -> FloatArray:
