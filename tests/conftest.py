@@ -6,14 +6,14 @@ import importlib.util
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
 
-# One thread gives the same sums everywhere, as `skillctl.__main__` arranges for users; NumPy is imported later.
+# One thread gives the same sums everywhere, as `skillctl.__main__` arranges it; NumPy is imported later.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
@@ -111,3 +111,65 @@ def make_skill() -> Callable[..., Any]:
         )
 
     return make
+
+
+def write_motion(path: Path, start: Sequence[float], bend: Sequence[float], end: Sequence[float]) -> Path:
+    """Write one smooth motion as CSV: from start to end, bent aside by ``bend`` in between, in 2 s."""
+    import numpy as np
+
+    s = np.linspace(0, 1, 101)[:, None]
+    eased = s**3 * (10 - 15 * s + 6 * s**2)
+    a, b, c = (np.asarray(point, dtype=float) for point in (start, bend, end))
+    positions = a + (c - a) * eased + b * np.sin(np.pi * eased)
+    names = "xyz"[: positions.shape[1]]
+    header = ",".join(["t", *names])
+    np.savetxt(path, np.hstack([2 * s, positions]), delimiter=",", header=header, comments="", fmt="%.6f")
+    return path
+
+
+@pytest.fixture(scope="session")
+def curve_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Four demonstrations in the plane, bent to one side."""
+    folder = tmp_path_factory.mktemp("curve")
+    return [
+        write_motion(folder / f"curve-{i}.csv", (0.2 + i / 100, 0.1), (0, 0.06), (0, 0)) for i in range(4)
+    ]
+
+
+@pytest.fixture(scope="session")
+def hook_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Four demonstrations in the plane, from elsewhere to elsewhere, bent to the other side."""
+    folder = tmp_path_factory.mktemp("hook")
+    return [
+        write_motion(folder / f"hook-{i}.csv", (-0.1, -0.2 - i / 100), (0.08, 0), (0.1, 0.05))
+        for i in range(4)
+    ]
+
+
+@pytest.fixture(scope="session")
+def reach_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three demonstrations in space, within the reach of an arm."""
+    folder = tmp_path_factory.mktemp("reach")
+    return [
+        write_motion(folder / f"reach-{i}.csv", (0.4, i / 50, 0.5), (0, 0, 0.08), (0.6, 0.1, 0.5))
+        for i in range(3)
+    ]
+
+
+@pytest.fixture(scope="session")
+def library(
+    tmp_path_factory: pytest.TempPathFactory,
+    curve_files: list[Path],
+    hook_files: list[Path],
+    reach_files: list[Path],
+) -> Path:
+    """A store with the skills curve, hook and reach, and plain: curve under the Euclidean metric."""
+    from skillctl.learning import LearnOptions
+    from skillctl.usecases.learn import learn
+
+    store = tmp_path_factory.mktemp("library") / "skills"
+    fast = LearnOptions(preset="fast", n_components=3)
+    for name, files in {"curve": curve_files, "hook": hook_files, "reach": reach_files}.items():
+        learn(files, name=name, store=store, options=fast)
+    learn(curve_files, name="plain", store=store, options=LearnOptions(metric="euclidean", preset="fast"))
+    return store

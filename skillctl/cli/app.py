@@ -86,6 +86,8 @@ class CommandGroup(TyperGroup):
                 f"No such command: {name}.",
                 hint=did_you_mean(name, COMMANDS) or "'skillctl --help' lists the commands.",
             )
+        if ctx.obj is not None:
+            ctx.obj.command = f"skillctl {name}"
         return name, load_command(name), args[1:]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

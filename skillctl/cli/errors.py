@@ -56,7 +56,7 @@ def describe(error: BaseException) -> Failure:
     kind = type(error).__name__
     return Failure(
         code,
-        printable(f"internal error ({kind}: {error})"),
+        printable(f"internal error ({kind}: {error})."),
         "This is a bug in skillctl. Repeat the command with --debug and report what it prints.",
     )
 
@@ -76,9 +76,6 @@ def _usage_failure(error: Exception) -> Failure:
         hint = did_you_mean(option, _options_of(error))
     elif callable(render := getattr(error, "format_message", None)):
         message = render()
-    context = getattr(error, "ctx", None)
-    command = getattr(context, "command_path", "skillctl")
-    hint = hint or f"'{command} --help' shows how it is used."
     return Failure(ExitCode.USAGE, printable(_sentence(message)), printable(hint))
 
 

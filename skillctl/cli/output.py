@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
 from skillctl.cli import render
@@ -25,12 +25,14 @@ class Output:
         quiet: Nothing but the result and errors.
         verbose: Also what is being done.
         debug: Tracebacks.
+        command: What is being run, as it is typed.
     """
 
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
     debug: bool = False
+    command: str = "skillctl"
 
     @classmethod
     def for_arguments(cls, arguments: Sequence[str]) -> Output:
@@ -78,6 +80,8 @@ class Output:
     def fail(self, error: BaseException) -> int:
         """Tell about an error and return the exit code."""
         failure = describe(error)
+        if failure.code == ExitCode.USAGE and not failure.hint:
+            failure = replace(failure, hint=f"'{self.command} --help' shows how it is used.")
         if self.debug:
             traceback.print_exception(error, file=sys.stderr)
         if failure.code != ExitCode.CLOSED_PIPE:
