@@ -49,6 +49,7 @@ def rollout(
     duration: float,
     period: float,
     arrival_distance: float = ARRIVAL_DISTANCE,
+    parts: IntArray | None = None,
 ) -> Rollouts:
     """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would (ξ⁺ = ξ + Δt f).
 
@@ -61,6 +62,8 @@ def rollout(
         duration: Longest time to integrate, [s].
         period: Step Δt, [s].
         arrival_distance: Distance to the nearest attractor at which a trajectory has arrived.
+        parts: Which part of a latched combined skill acts on each trajectory, shape (n,), to go on with an
+            earlier rollout. Default: the part that each start selects.
 
     Raises:
         UsageError: Starts of another dimension, or a period or duration that is not positive and finite.
@@ -72,7 +75,8 @@ def rollout(
         raise UsageError("period and duration: must be positive and finite.")
     steps = int(np.ceil(duration / period))
     goals = attractors_of(skill)
-    parts = skill.part_at(x) if isinstance(skill, CombinedSkill) else np.zeros(len(x), dtype=np.int64)
+    if parts is None:
+        parts = skill.part_at(x) if isinstance(skill, CombinedSkill) else np.zeros(len(x), dtype=np.int64)
     history = [x]
     arrival = np.full(len(x), np.nan)
     for step in range(steps + 1):

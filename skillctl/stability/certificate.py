@@ -148,10 +148,9 @@ def _open_question(skill: CombinedSkill) -> str:
 
 
 def _evidence(sampling: Sampling, unit: str) -> str:
-    tried = (
-        f"{sampling.arrived} of {sampling.starts} sampled motions arrived within {sampling.duration:.3g} s"
-    )
+    time = f"{sampling.duration:.3g} s"
+    tried = f"{sampling.arrived} of {sampling.starts} sampled motions arrived within {time}"
     if sampling.witness is None:
-        return f"{tried}; no motion was found that reaches no attractor. This is evidence, not proof."
+        return f"{tried}; none was found that reaches no attractor. This is evidence, not proof."
     start = ", ".join(f"{value:.6g}" for value in sampling.witness)
-    return f"{tried}; the motion from ({start}) {unit} reaches no attractor."
+    return f"{tried}; the motion from ({start}) {unit} reached no attractor and was coming nearer to none."

@@ -38,7 +38,7 @@ def certified_radius(skill: CombinedSkill, index: int) -> float | None:
     part = skill.parts[index]
     try:
         bounds = [
-            _Bounds.of(other.density, prior, part.attractor, part.lyapunov)
+            DensityBounds.of(other.density, prior, part.attractor, part.lyapunov)
             for other, prior in zip(skill.parts, skill.part_priors.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
@@ -56,8 +56,8 @@ def certified_radius(skill: CombinedSkill, index: int) -> float | None:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Bounds:
-    """Bounds of log β p(ξ) on the ball ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
+class DensityBounds:
+    """Bounds of log β p(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
 
     Attributes:
         peaks: log β πₖ − ½ log det 2πΣₖ.
@@ -70,7 +70,10 @@ class _Bounds:
     slopes: FloatArray
 
     @classmethod
-    def of(cls, density: GaussianMixture, prior: float, centre: FloatArray, lyapunov: FloatArray) -> _Bounds:
+    def of(
+        cls, density: GaussianMixture, prior: float, centre: FloatArray, lyapunov: FloatArray
+    ) -> DensityBounds:
+        """Return the bounds of log β p around ``centre`` (d,), for balls of P (d, d); β is ``prior``."""
         rows = [
             (*_determinant_and_distance(mean, covariance, centre), _slope(covariance, lyapunov))
             for mean, covariance in zip(density.means, density.covariances, strict=True)
@@ -80,10 +83,12 @@ class _Bounds:
         return cls(np.log(density.priors) - 0.5 * log_determinants + offset, distances, slopes)
 
     def lowest(self, rho: float) -> float:
+        """Return a value that log β p nowhere falls below on the ball of radius ρ."""
         value, guard = self._log_sum(self.distances + rho * self.slopes)
         return value - guard
 
     def highest(self, rho: float) -> float:
+        """Return a value that log β p nowhere exceeds on the ball of radius ρ."""
         value, guard = self._log_sum(np.maximum(self.distances - rho * self.slopes, 0.0))
         return value + guard
 

@@ -81,7 +81,7 @@ class Sampling:
         arrived: How many came within the arrival distance of an attractor.
         duration: How long each motion was followed, [s].
         period: Step of the rollouts, [s].
-        witness: A start from which the motion reaches no attractor, or None.
+        witness: A start whose motion reached no attractor and was coming nearer to none, or None.
         witness_end: Where that motion was at the end; None also where it left all bounds.
     """
 

@@ -152,6 +152,12 @@ def test_a_motion_that_selects_its_part_but_is_led_elsewhere_is_not_kept(crossin
     assert [part.kept for part in report] == [0.0, 0.0]
 
 
+def test_a_motion_that_does_not_arrive_in_time_is_not_kept(crossing):
+    slow = [replace(part, speed=1e-3) for part in crossing]
+    (first, _) = coverage(combine(slow), [straight([0.5, 0.0]), straight([0.0, 0.5])])
+    assert (first.selected, first.kept) == (1.0, 0.0)
+
+
 def test_coverage_needs_one_set_per_leaf(crossing):
     with pytest.raises(UsageError, match="demonstrations: expected 2 sets, got 1"):
         coverage(combine(crossing), [None])

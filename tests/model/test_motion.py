@@ -128,6 +128,15 @@ def test_a_latched_rollout_ends_at_the_attractor_its_start_selects(two_ways):
     assert ends.max() < 1e-3
 
 
+def test_a_latched_rollout_can_be_continued(two_ways):
+    starts = np.random.default_rng(4).uniform([0.0, -1.0], [1.0, 1.0], (20, 2))
+    whole = rollout(two_ways, starts, duration=0.5, period=0.01)
+    first = rollout(two_ways, starts, duration=0.25, period=0.01)
+    rest = rollout(two_ways, first.positions[:, -1], duration=0.25, period=0.01, parts=first.parts)
+    assert (rest.positions[:, -1] == whole.positions[:, -1]).all()
+    assert (rest.parts == whole.parts).all()
+
+
 def test_a_controller_keeps_its_part_across_the_border(two_ways):
     controller = Controller(two_ways, period=0.01)
     x = np.array([0.49, 0.0])

@@ -230,10 +230,10 @@ def combined(make_skill, rng, places, gate, shared_p=True, **options):
 
 
 def test_a_latched_combination_is_as_stable_as_its_parts(make_skill):
-    skill = combined(make_skill, np.random.default_rng(7), ([0, 0], [1, 0]), "latched", False, speed=0.5)
+    skill = combined(make_skill, np.random.default_rng(7), ([0, 0], [1, 0]), "latched", False, speed=2.0)
     certificate = certify(skill)
     assert (certificate.verdict, certificate.scope) == ("stable", "global")
-    alone = [certify(replace(part, speed=0.5)) for part in skill.parts]
+    alone = [certify(replace(part, speed=2.0)) for part in skill.parts]
     assert [part.rate for part in certificate.parts] == [c.rate for c in alone]
     assert certificate.rate == min(c.rate for c in alone)
     assert "basin" in certificate.proof[0]
@@ -290,9 +290,19 @@ def test_regions_that_push_at_each_other_are_refuted_by_a_witness(make_skill):
         x = x + 0.1 * certificate.sampling.period * part.velocity(x)
         nearest = min(nearest, np.linalg.norm(x - crossed.attractors, axis=1).min())
     assert nearest > 0.1
-    assert "reaches no attractor" in certificate.evidence[0]
+    assert "reached no attractor" in certificate.evidence[0]
     assert certify(crossed, seed=3).sampling == certificate.sampling
     assert certify(crossed, seed=4).sampling.witness != certificate.sampling.witness
+
+
+def test_one_attractor_without_a_radius_leaves_no_local_proof(make_skill):
+    # The second part knows a place of its own, but not its attractor: the first part acts there.
+    near, far = combined(make_skill, np.random.default_rng(17), ([0, 0], [1, 0]), "instantaneous").parts
+    away = replace(far, density=far.density.translated(np.array([5.0, 0.0])))
+    certificate = certify(CombinedSkill((near, away), [0.5, 0.5], "instantaneous"))
+    assert certificate.parts[0].radius is not None
+    assert certificate.parts[1].radius is None
+    assert (certificate.scope, certificate.rate, certificate.period) == ("none", None, None)
 
 
 def test_an_unstable_skill_gets_a_witness_too(make_skill):
@@ -310,6 +320,16 @@ def test_a_skill_that_is_stable_without_proof_gets_no_witness(make_skill):
     assert certificate.verdict == "not proved"
     assert certificate.sampling.witness is None
     assert certificate.sampling.arrived == certificate.sampling.starts
+
+
+def test_a_motion_that_is_only_slow_is_no_witness(make_skill):
+    # Stable with a time constant of 1000 s, which this P does not show; the search ends before it arrives.
+    skill = make_skill(np.random.default_rng(16), n_components=1)
+    slow = replace(with_matrix(skill, 0, np.diag([-1e-3, -4.0])), lyapunov=np.array([[1.0, 0.9], [0.9, 1.0]]))
+    certificate = certify(slow)
+    assert certificate.verdict == "not proved"
+    assert certificate.sampling.arrived < certificate.sampling.starts
+    assert certificate.sampling.witness is None
 
 
 def test_a_certificate_is_json_and_names_its_digest(make_skill):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import logsumexp
@@ -10,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from skillctl.model import CombinedSkill, GaussianMixture, rollout
 from skillctl.stability import certify
-from skillctl.stability.region import certified_radius
+from skillctl.stability.region import DensityBounds, certified_radius
 
 
 def two_parts(make_skill, rng, places, densities, priors=(0.5, 0.5), lyapunov=None):
@@ -41,6 +42,26 @@ def test_between_equal_spheres_the_radius_is_half_the_distance(make_skill):
     for index in (0, 1):
         # Short of ½ by bisection and guard: less than 1e-6
         assert 0.5 - 1e-6 < certified_radius(skill, index) < 0.5
+
+
+def test_a_stretched_p_fits_its_ball_into_the_region(make_skill):
+    places = ([0.0, 0.0], [0.6, 0.8])
+    spheres = [GaussianMixture([1.0], [place], [0.01 * np.eye(2)]) for place in places]
+    skill = two_parts(make_skill, np.random.default_rng(0), places, spheres, lyapunov=np.diag([1.0, 16.0]))
+    # The long axis of {‖e‖_P ≤ ρ} reaches ρ / √λ_min = ½, the ball inside it has radius ρ / √λ_max.
+    assert 0.125 - 1e-6 < certified_radius(skill, 0) < 0.125
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 6])
+def test_on_a_ball_of_no_size_both_bounds_are_the_density(make_skill, dimension):
+    rng = np.random.default_rng(dimension)
+    skill = make_skill(rng, dimension=dimension)
+    bounds = DensityBounds.of(skill.density, 0.3, skill.attractor, np.eye(dimension))
+    whole = CombinedSkill((skill, skill), (0.3, 0.7), "instantaneous")
+    expected = float(scipy_scores(whole, skill.attractor)[0])
+    # The guard on each side is 2^-32 of the largest term, here below a thousand.
+    assert expected - 1e3 * 2.0**-32 < bounds.lowest(0.0) < expected < bounds.highest(0.0)
+    assert bounds.highest(0.0) < expected + 1e3 * 2.0**-32
 
 
 def test_a_larger_prior_moves_the_border_as_the_formula_says(make_skill):
