@@ -104,14 +104,17 @@ class GaussianMixture:
         """Number of dimensions, d."""
         return int(self.means.shape[1])
 
+    @property
+    def log_peaks(self) -> FloatArray:
+        """The largest value of each log π_k N(x; μ_k, Σ_k), taken at its mean. Shape (K,)."""
+        _, log_determinants = np.linalg.slogdet(2 * np.pi * self.covariances)
+        return np.asarray(np.log(self.priors) - 0.5 * log_determinants)
+
     def coefficients(self, origin: FloatArray) -> FloatArray:
         """Return the coefficients of log π_k N(x; μ_k, Σ_k) in the features of x − origin. Shape (K, F)."""
-        _, log_determinants = np.linalg.slogdet(2 * np.pi * self.covariances)
         precisions = np.linalg.inv(self.covariances)
         precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
-        return quadratic_coefficients(
-            np.log(self.priors) - 0.5 * log_determinants, self.means, precisions, origin
-        )
+        return quadratic_coefficients(self.log_peaks, self.means, precisions, origin)
 
     def log_joint(self, positions: FloatArray) -> FloatArray:
         """Return log π_k N(x; μ_k, Σ_k) for positions (n, d). Shape (K, n)."""

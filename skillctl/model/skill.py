@@ -11,7 +11,8 @@ import numpy.typing as npt
 from skillctl.arrays import FloatArray, IntArray, frozen_array, require_simplex, require_spd
 from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.demonstration import StateSpace
-from skillctl.model.mixture import BLOCK, GaussianMixture, quadratic_features, softmax
+from skillctl.model.gated import GatedField
+from skillctl.model.mixture import BLOCK, GaussianMixture, softmax
 
 MergeGate: TypeAlias = Literal["superposition", "density", "experts"]
 CombineGate: TypeAlias = Literal["latched", "instantaneous"]
@@ -51,8 +52,7 @@ class SedsSkill:
     density: GaussianMixture
     space: StateSpace
     speed: float = 1.0
-    _coefficients: FloatArray = field(init=False, repr=False)
-    _matrices: FloatArray = field(init=False, repr=False)
+    _field: GatedField = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         k, d = frozen_array("means", self.means, (None, None)).shape
@@ -73,8 +73,9 @@ class SedsSkill:
         if self.density.dimension != d or self.space.dimension != d:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
         gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
-        object.__setattr__(self, "_coefficients", gates.coefficients(self.attractor))
-        object.__setattr__(self, "_matrices", self.component_matrices.reshape(k, d * d))
+        coefficients, peak = gates.coefficients(self.attractor), float(gates.log_peaks.max())
+        compiled = GatedField(coefficients, peak, self.component_matrices, self.attractor)
+        object.__setattr__(self, "_field", compiled)
 
     @property
     def dimension(self) -> int:
@@ -98,12 +99,12 @@ class SedsSkill:
 
     def responsibilities(self, positions: FloatArray) -> FloatArray:
         """Return hₖ(ξ) for positions (n, d). Shape (n, K); rows sum to one at any distance."""
-        return self._gates(np.asarray(positions, dtype=np.float64).T - self.attractor[:, None]).T
+        return self._field.gates(np.asarray(positions, dtype=np.float64))
 
     def velocity(self, positions: npt.ArrayLike) -> FloatArray:
         """Return ξ̇ = f(ξ) for one state (d,) or many (n, d), in the same shape, per second."""
         x = np.asarray(positions, dtype=np.float64)
-        return self._velocity_at(x) if x.ndim == 1 else self._velocities(x)
+        return self._field.velocity(x) if x.ndim == 1 else self._field.velocities(x)
 
     def translated(self, offset: FloatArray) -> SedsSkill:
         """Return the same motion, moved by ``offset`` (d,): attractor and all means move together."""
@@ -113,25 +114,6 @@ class SedsSkill:
             attractor=self.attractor + offset,
             density=self.density.translated(offset),
         )
-
-    def _gates(self, offsets: FloatArray) -> FloatArray:
-        """Return hₖ for offsets ξ − ξ* of shape (d, n). Shape (K, n)."""
-        return softmax(self._coefficients @ quadratic_features(offsets))
-
-    def _velocity_at(self, position: FloatArray) -> FloatArray:
-        offset = position - self.attractor
-        gates = self._gates(offset[:, None])[:, 0]
-        return np.asarray((gates @ self._matrices).reshape(offset.size, offset.size) @ offset)
-
-    def _velocities(self, positions: FloatArray) -> FloatArray:
-        n, d = positions.shape
-        velocities = np.empty((n, d))
-        transposed = self._matrices.T
-        for start in range(0, n, BLOCK):
-            offsets = positions[start : start + BLOCK].T - self.attractor[:, None]
-            matrices = (transposed @ self._gates(offsets)).reshape(d, d, -1)
-            velocities[start : start + BLOCK] = np.einsum("ijn,jn->ni", matrices, offsets)
-        return velocities
 
 
 @dataclass(frozen=True, eq=False, slots=True)
