@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, label
     from skillctl.store.files import write_file
-    from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
+    from skillctl.store.provenance import current_provenance, facts, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store, resolve
     from skillctl.store.schema import DemonstrationReport, InputRecord, Operation, ParentRecord, Provenance
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "artifact": ("Artifact", "label"),
     "files": ("write_file",),
-    "provenance": ("current_provenance", "input_fingerprint", "input_record"),
+    "provenance": ("current_provenance", "facts", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
     "registry": ("Located", "Registry", "StoredVersion", "locate", "locate_store", "resolve"),
     "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance"),
@@ -42,6 +42,7 @@ __all__ = [
     "decode",
     "digest_of",
     "encode",
+    "facts",
     "input_fingerprint",
     "input_record",
     "label",

@@ -21,7 +21,6 @@ from skillctl.store.schema import (
     Meta,
     Operation,
     Provenance,
-    State,
     first_complaint,
     parse_meta,
 )
@@ -116,13 +115,15 @@ def _load_meta(stored: Array, name: str) -> Meta:
 def _meta_of(artifact: Artifact) -> Meta:
     space = artifact.skill.space
     try:
-        return Meta(
-            skill=node_of(artifact.skill),
-            state=State(names=space.names, unit=space.unit, frame=space.frame, kind=space.kind),
-            operation=artifact.operation,
-            demonstrations=tuple(label(d.source) for _, d in _numbered(artifact)),
-            reports=artifact.reports,
-            provenance=artifact.provenance,
+        return Meta.model_validate(
+            {
+                "skill": node_of(artifact.skill),
+                "state": {"names": space.names, "unit": space.unit, "frame": space.frame, "kind": space.kind},
+                "operation": artifact.operation,
+                "demonstrations": tuple(label(d.source) for _, d in _numbered(artifact)),
+                "reports": artifact.reports,
+                "provenance": artifact.provenance,
+            }
         )
     except ValidationError as error:
         raise InvalidModelError(f"this skill cannot be stored: {first_complaint(error)}.") from error

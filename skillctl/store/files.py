@@ -14,8 +14,10 @@ from pathlib import Path
 from skillctl.errors import NotFoundError, StoreError, printable
 from skillctl.store.errors import NotAnArtifactError
 
+MAX_FILE_BYTES = 64 << 20  # no artifact is larger
 
-def read_once(path: Path, limit: int) -> bytes:
+
+def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
     """Return all bytes of a regular file, opened and read once; nothing is looked at twice.
 
     Raises:
@@ -29,13 +31,17 @@ def read_once(path: Path, limit: int) -> bytes:
         descriptor = os.open(path, flags)
     except OSError as error:
         raise _cannot_open(path, error) from error
-    with system_errors(f"read {path}"), os.fdopen(descriptor, "rb") as file:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise NotAnArtifactError(str(path), "not a regular file")
-        if status.st_size > limit:
-            raise NotAnArtifactError(str(path), f"{status.st_size >> 20} MiB; artifacts end at {limit >> 20}")
-        return file.read(limit + 1)
+    try:
+        with system_errors(f"read {path}"):
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
+                raise NotAnArtifactError(str(path), "not a regular file")
+            if status.st_size > limit:
+                raise NotAnArtifactError(str(path), f"larger than {limit >> 20} MiB, as no artifact is")
+            with os.fdopen(descriptor, "rb", closefd=False) as file:
+                return file.read(limit + 1)
+    finally:
+        os.close(descriptor)
 
 
 def _cannot_open(path: Path, error: OSError) -> Exception:

@@ -17,7 +17,6 @@ FORMAT_VERSION: Final = 1
 FORMAT_MARK = b"skill-v1"  # value of the attribute `format` of the root group
 
 META = "meta.json"
-MAX_FILE_BYTES = 64 << 20
 MAX_ARRAY_BYTES = 32 << 20
 MAX_TOTAL_BYTES = 128 << 20
 

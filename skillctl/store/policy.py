@@ -122,10 +122,10 @@ def _shape(path: str, dataset: Any) -> tuple[int, ...]:
     created = dataset.get_create_plist()
     if created.get_external_count():
         raise Refusal(f"/{path}: its data would come from another file")
-    if created.get_layout() != h5d.CONTIGUOUS:
-        raise Refusal(f"/{path}: must be contiguous, not virtual, chunked or compact")
     if created.get_nfilters():
         raise Refusal(f"/{path}: must not be compressed or filtered")
+    if created.get_layout() != h5d.CONTIGUOUS:
+        raise Refusal(f"/{path}: must be contiguous, not virtual, chunked or compact")
     kind = dataset.get_type()
     if kind.committed() or not kind.equal(STORED_TYPES[ARRAYS[path].dtype]):
         raise Refusal(f"/{path}: elements must be {ARRAYS[path].dtype}")

@@ -14,7 +14,7 @@ from skillctl.store.artifact import Artifact, artifact_of
 from skillctl.store.errors import InvalidArtifactError, Refusal
 from skillctl.store.files import read_once
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import MAX_FILE_BYTES, Array, content_digest
+from skillctl.store.layout import Array, content_digest
 from skillctl.store.policy import checked_datasets
 from skillctl.store.seal import require_seal
 
@@ -27,7 +27,7 @@ def read_skill(path: Path) -> Artifact:
         StoreError: The system does not let us read it.
         ArtifactError: It is not an intact artifact of a format this build reads; see ``store.errors``.
     """
-    return decode(read_once(path, MAX_FILE_BYTES), str(path))
+    return decode(read_once(path), str(path))
 
 
 def decode(data: bytes, name: str = "artifact") -> Artifact:

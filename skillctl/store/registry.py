@@ -13,7 +13,6 @@ from pathlib import Path
 from skillctl.errors import ArtifactError, NotFoundError, StoreError, UsageError, printable
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import missing_file, read_once, system_errors
-from skillctl.store.layout import MAX_FILE_BYTES
 from skillctl.store.publishing import Link, staged
 from skillctl.store.references import MAX_VERSION, Reference, is_name, parse_reference, require_name
 
@@ -177,7 +176,7 @@ class Registry:
 
         path = self.path_of(name, version)
         try:
-            return digest_of(read_once(path, MAX_FILE_BYTES), str(path))
+            return digest_of(read_once(path), str(path))
         except (ArtifactError, NotFoundError, StoreError):
             return None
 

@@ -13,6 +13,7 @@ from skillctl.store.errors import Refusal
 from skillctl.store.layout import FORMAT_VERSION
 
 MAX_LABEL = 200
+MAX_TEXT = 1000
 
 
 class Strict(BaseModel):
@@ -34,6 +35,7 @@ def _is_relative(path: str) -> str:
 
 
 Label = Annotated[str, Field(max_length=MAX_LABEL), AfterValidator(_is_printable)]
+Text = Annotated[str, Field(max_length=MAX_TEXT), AfterValidator(_is_printable)]
 Name = Annotated[Label, Field(min_length=1)]
 RelativePath = Annotated[Name, AfterValidator(_is_relative)]
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
@@ -47,7 +49,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 # JSON has one kind of list; strict tuples would refuse it. What is inside stays strict.
 Range = Annotated[tuple[Count, Count], Field(strict=False)]  # first index, and one past the last
 Weights = Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
-Scalar = bool | Annotated[int, Field(ge=-(2**63), lt=2**63)] | float | Label | None
+Scalar = bool | Annotated[int, Field(ge=-(2**63), lt=2**63)] | float | Text | None
 Value = Scalar | Annotated[tuple[Scalar, ...], Field(strict=False)]
 Facts = dict[Key, Value]
 
@@ -197,4 +199,5 @@ def first_complaint(error: ValidationError) -> str:
     """Return where and why validation failed first, without quoting the value."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     where = ".".join(str(step) for step in first["loc"])
-    return f"{where[:MAX_LABEL]}: {first['msg'][:MAX_LABEL]}" if where else first["msg"]
+    what = first["msg"].removeprefix("Value error, ")[:MAX_LABEL]
+    return f"{where[:MAX_LABEL]}: {what}" if where else what

@@ -10,8 +10,9 @@ import numpy as np
 from skillctl.errors import StoreError
 from skillctl.store.artifact import Artifact, arrays_of
 from skillctl.store.errors import Refusal
+from skillctl.store.files import MAX_FILE_BYTES
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import ARRAYS, FORMAT_MARK, MAX_FILE_BYTES, Array, require_layout
+from skillctl.store.layout import ARRAYS, FORMAT_MARK, Array, require_layout
 from skillctl.store.seal import SEAL_BYTES, seal
 
 

@@ -1,0 +1,117 @@
+"""Make the artifacts of this directory: python tests/archives/v1/make.py DIRECTORY
+
+One artifact of each kind, of numbers that are exact in binary and need no random generator, so that every
+build that writes format 1 makes files with the same content digests. Prints a line for each: content digest,
+SHA-256 of the file (which depends on the version of HDF5), name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from skillctl import store
+from skillctl.model import (
+    CombinedSkill,
+    Demonstration,
+    DemonstrationSet,
+    GaussianMixture,
+    MergedSkill,
+    SedsSkill,
+    Skill,
+    StateSpace,
+)
+
+SPACE = StateSpace(("x", "y"), unit="m", frame="base")
+
+
+def seds(offset: float, attractor: tuple[float, float] = (0.5, -0.25)) -> SedsSkill:
+    """Return a skill of two components; ``offset`` tells one skill from another."""
+    covariance = np.array([[0.5, 0.125], [0.125, 0.25]])
+    return SedsSkill(
+        priors=np.array([0.25, 0.75]),
+        means=np.array([[0.0, 1.0], [2.0, -1.0]]) + offset,
+        covariances=np.stack([covariance, 2 * covariance]),
+        system_matrices=np.array([[[-1.0, 0.5], [-0.5, -1.0]], [[-2.0, 0.0], [0.25, -0.5]]]),
+        residual_covariances=np.stack([covariance, covariance]) / 16,
+        attractor=np.array(attractor),
+        lyapunov=np.array([[1.0, 0.25], [0.25, 2.0]]),
+        density=GaussianMixture(np.array([1.0]), np.array([[offset, 0.5]]), covariance[None]),
+        space=SPACE,
+        speed=1.5,
+    )
+
+
+def demonstrations(offset: float) -> DemonstrationSet:
+    """Return two short motions."""
+    times = np.arange(4) / 8
+    positions = np.array([[-2.0, 1.0], [-1.0, 1.5], [0.25, 0.5], [0.5, -0.25]])
+    motions = [
+        Demonstration.from_positions(times[:n], positions[:n] + offset, f"motion_{n}.csv") for n in (4, 3)
+    ]
+    return DemonstrationSet(tuple(motions), SPACE)
+
+
+def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command: str) -> store.Artifact:
+    """Return a skill with some of everything that metadata can hold."""
+    reports = tuple(
+        store.DemonstrationReport(
+            source=motion.source,
+            leaf=leaf,
+            n_points=motion.times.size,
+            duration=motion.duration,
+            velocity_rmse=0.0625,
+            dtw=0.001953125,
+            end_error=1e-9,
+            arrived=True,
+        )
+        for leaf, motions in enumerate(taught)
+        for motion in motions or ()
+    )
+    return store.Artifact(
+        skill,
+        taught,
+        store.Operation.model_validate(
+            {
+                "command": command,
+                "options": {"metric": "learned", "n_components": 2, "target": None, "weights": [0.5, 1]},
+                "seed": 7,
+                "results": {"converged": True, "objective": 0.1},
+            }
+        ),
+        store.Provenance(
+            inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
+            parents=(store.ParentRecord(name="reach", version=3, digest=f"sha256:{'1' * 64}", role="part"),),
+            tool="0.1.0",
+            libraries={"numpy": "2.0.0"},
+            date="2020-02-29T12:00:00Z",
+        ),
+        reports,
+    )
+
+
+def archive() -> dict[str, store.Artifact]:
+    """Return the artifacts by file name."""
+    left, right, other = seds(0.0), seds(1.0), seds(-1.0, (3.0, 4.0))
+    merged = MergedSkill((left, right), np.array([0.25, 0.75]), "experts", sharpness=2.0, speed=0.5)
+    combined = CombinedSkill((merged, other), np.array([0.5, 0.5]), "latched", 0.0625, 2.0)
+    return {
+        "seds.h5": artifact(left, (demonstrations(0.0),), "learn"),
+        "merged.h5": artifact(merged, (demonstrations(0.0), demonstrations(1.0)), "merge"),
+        "combined.h5": artifact(combined, (None, demonstrations(1.0), demonstrations(-1.0)), "combine"),
+    }
+
+
+def main(directory: Path) -> None:
+    """Write the archive into a directory."""
+    for name, content in archive().items():
+        data = store.encode(content)
+        store.write_file(directory / name, data)
+        print(content.digest, hashlib.sha256(data).hexdigest(), name)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,167 @@
+"""Skills of every kind, and hostile files made from good ones."""
+
+import hashlib
+from collections.abc import Callable
+from io import BytesIO
+
+import h5py
+import numpy as np
+import pytest
+
+from skillctl import store
+from skillctl.model import (
+    CombinedSkill,
+    Demonstration,
+    DemonstrationSet,
+    GaussianMixture,
+    MergedSkill,
+    SedsSkill,
+    Skill,
+    StateSpace,
+)
+
+
+def definite(rng: np.random.Generator, n: int, d: int) -> np.ndarray:
+    factors = rng.normal(size=(n, d, d))
+    product = factors @ factors.swapaxes(1, 2) + np.eye(d)
+    return (product + product.swapaxes(1, 2)) / 2  # exactly symmetric
+
+
+def seds(seed: int, d: int = 2, k: int = 3, m: int = 2, *, attractor=None, speed: float = 1.0) -> SedsSkill:
+    """Nothing here is stable: what a skill does is not the store's concern."""
+    rng = np.random.default_rng(seed)
+    return SedsSkill(
+        priors=rng.dirichlet(np.full(k, 5.0)),
+        means=rng.normal(size=(k, d)),
+        covariances=definite(rng, k, d),
+        system_matrices=rng.normal(size=(k, d, d)),
+        residual_covariances=definite(rng, k, d),
+        attractor=np.full(d, 0.25) if attractor is None else np.asarray(attractor),
+        lyapunov=np.diag(np.arange(1.0, d + 1)),
+        density=GaussianMixture(rng.dirichlet(np.full(m, 5.0)), rng.normal(size=(m, d)), definite(rng, m, d)),
+        space=StateSpace.cartesian(d),
+        speed=speed,
+    )
+
+
+def taught(seed: int, space: StateSpace, count: int = 2) -> DemonstrationSet:
+    rng = np.random.default_rng(seed)
+    demonstrations = []
+    for index in range(count):
+        n = int(rng.integers(2, 9))
+        times = np.cumsum(rng.uniform(0.01, 0.1, n))
+        positions = rng.normal(size=(n, space.dimension))
+        demonstrations.append(Demonstration.from_positions(times, positions, f"motion-{seed}.csv#{index}"))
+    return DemonstrationSet(tuple(demonstrations), space)
+
+
+def reports_on(skill: Skill, sets) -> tuple[store.DemonstrationReport, ...]:
+    return tuple(
+        store.DemonstrationReport(
+            source=d.source, leaf=leaf, n_points=d.times.size, duration=d.duration, dtw=0.125, arrived=True
+        )
+        for leaf, members in enumerate(sets)
+        for d in members or ()
+    )
+
+
+def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
+    """The artifact of a skill whose leaves keep demonstrations, except those listed."""
+    sets = tuple(None if leaf in without else taught(leaf, skill.space) for leaf in range(len(skill.leaves)))
+    command = {SedsSkill: "learn", MergedSkill: "merge", CombinedSkill: "combine"}[type(skill)]
+    provenance = store.Provenance(
+        inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
+        parents=(store.ParentRecord(name="reach", version=3, digest=f"sha256:{'1' * 64}", role="part"),),
+        tool="0.1.0",
+        libraries={"numpy": "2.0.0"},
+    )
+    operation = store.Operation(
+        command=command, options={"target": (0.5, 1), "align": False, "unit": "m", "note": None}, seed=7
+    )
+    return store.Artifact(skill, sets, operation, provenance, reports_on(skill, sets))
+
+
+def skills() -> dict[str, Skill]:
+    a, b, c = seds(1), seds(2, k=1, m=1, speed=0.1), seds(3, k=4)
+    merged = MergedSkill((a, b), np.array([0.3, 0.7]), "density", speed=1.7)
+    nested = MergedSkill((merged, c), np.array([0.1, 0.9]), "experts", sharpness=2.5)
+    combined = CombinedSkill(
+        (nested, seds(4, attractor=(3, 4))), np.array([0.5, 0.5]), "instantaneous", 0.1, 0.9
+    )
+    return {
+        "seds": a,
+        "one component": b,
+        "six dimensions": seds(5, d=6),
+        "merged": merged,
+        "nested merged": nested,
+        "combined": CombinedSkill((a, c), np.array([0.25, 0.75])),
+        "combined of merged": combined,
+    }
+
+
+SKILLS = skills()
+
+
+@pytest.fixture(scope="session", params=SKILLS)
+def artifact(request: pytest.FixtureRequest) -> store.Artifact:
+    """An artifact of each kind in turn."""
+    return wrapped(SKILLS[request.param])
+
+
+@pytest.fixture(scope="session")
+def wrap() -> Callable[..., store.Artifact]:
+    return wrapped
+
+
+@pytest.fixture(scope="session")
+def make_seds() -> Callable[..., SedsSkill]:
+    return seds
+
+
+@pytest.fixture(scope="session")
+def nested() -> store.Artifact:
+    """The artifact with the most in it: a combined skill of a merged skill of a merged skill."""
+    return wrapped(SKILLS["combined of merged"], without=(1,))
+
+
+@pytest.fixture(scope="session")
+def good(nested: store.Artifact) -> bytes:
+    return store.encode(nested)
+
+
+def sealed(body: bytes) -> bytes:
+    """Seal any bytes as an attacker would, from the specification."""
+    line = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\n".encode()
+    return (b"\x89SKILL\r\n\x1a\n" + line).ljust(512, b"\0") + body
+
+
+@pytest.fixture(scope="session")
+def reseal() -> Callable[[bytes], bytes]:
+    return sealed
+
+
+@pytest.fixture(scope="session")
+def hostile(good: bytes) -> Callable[[Callable[[h5py.File], object]], bytes]:
+    """Edit the body of a good artifact with h5py, and seal it again."""
+
+    def edit_and_seal(edit: Callable[[h5py.File], object], **options: object) -> bytes:
+        file = BytesIO(good)
+        with h5py.File(file, "r+", **options) as body:
+            edit(body)
+        return sealed(file.getvalue()[512:])
+
+    return edit_and_seal
+
+
+@pytest.fixture(scope="session")
+def with_meta(hostile) -> Callable[[bytes], bytes]:
+    """Replace meta.json by other bytes."""
+
+    def replace(text: bytes) -> bytes:
+        def edit(body: h5py.File) -> None:
+            del body["meta.json"]
+            body.create_dataset("meta.json", data=np.frombuffer(text, np.uint8), track_times=False)
+
+        return hostile(edit)
+
+    return replace

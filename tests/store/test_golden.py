@@ -1,0 +1,47 @@
+"""Artifacts of every past format stay readable, and what they hold stays what it was."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skillctl import store
+
+ARCHIVES = Path(__file__).parents[1] / "archives"
+DIGESTS = json.loads((ARCHIVES / "v1" / "digests.json").read_text())
+
+
+@pytest.mark.parametrize("name", DIGESTS)
+def test_archived_artifacts_keep_their_identity(name):
+    assert store.read_skill(ARCHIVES / "v1" / name).digest == DIGESTS[name]
+
+
+def test_every_archived_artifact_is_pinned():
+    assert {path.name for path in (ARCHIVES / "v1").glob("*.h5")} == set(DIGESTS)
+
+
+def test_this_build_makes_the_same_content():
+    spec = importlib.util.spec_from_file_location("make_v1", ARCHIVES / "v1" / "make.py")
+    make = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make)
+    assert {name: store.decode(store.encode(made)).digest for name, made in make.archive().items()} == DIGESTS
+
+
+def test_archived_numbers_are_the_ones_that_were_written():
+    read = store.read_skill(ARCHIVES / "v1" / "combined.h5")
+    merged, other = read.skill.parts
+    left, right = merged.parts
+    assert (read.skill.gate, read.skill.disturbance_distance, read.skill.speed) == ("latched", 0.0625, 2.0)
+    assert (merged.gate, merged.sharpness, merged.speed) == ("experts", 2.0, 0.5)
+    assert merged.part_weights.tolist() == [0.25, 0.75]
+    assert (right.means - left.means == 1).all()
+    assert other.attractor.tolist() == [3.0, 4.0]
+    assert left.system_matrices[1].tolist() == [[-2.0, 0.0], [0.25, -0.5]]
+    assert read.demonstrations[0] is None
+    assert [d.source for d in read.demonstrations[1]] == ["motion_4.csv", "motion_3.csv"]
+    assert (read.demonstrations[1].demonstrations[0].positions[-1] == np.array([1.5, 0.75])).all()
+    assert (read.operation.command, read.operation.options["weights"]) == ("combine", (0.5, 1))
+    assert (read.provenance.date, read.provenance.parents[0].version) == ("2020-02-29T12:00:00Z", 3)
+    assert read.reports[0].dtw == 0.001953125

@@ -1,0 +1,370 @@
+"""The store: whole, immutable, numbered versions, found by reference."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from skillctl import store
+from skillctl.errors import ArtifactError, NotFoundError, StoreError, UsageError
+from skillctl.store import errors, publishing
+
+
+@pytest.fixture(scope="module")
+def versions(make_seds, wrap):
+    """Artifacts of different content."""
+    return [store.encode(wrap(make_seds(seed))) for seed in range(4)]
+
+
+@pytest.fixture(params=["unnamed", "named"])
+def registry(tmp_path, request, monkeypatch):
+    """A store on a file system with, and one without, temporary files that have no name."""
+    if request.param == "named":
+        monkeypatch.setattr(publishing, "_open_unnamed", lambda _: None)
+    return store.Registry(tmp_path / "skills")
+
+
+def files_in(registry: store.Registry) -> list[str]:
+    return sorted(str(path.relative_to(registry.root)) for path in registry.root.rglob("*"))
+
+
+def test_versions_are_numbered_from_one_and_whole(registry, versions):
+    published = [registry.publish("reach", data) for data in versions]
+
+    assert [p.version for p in published] == [1, 2, 3, 4]
+    assert all(p.created and p.name == "reach" for p in published)
+    assert [p.path.read_bytes() for p in published] == versions
+    assert [p.digest for p in published] == [store.digest_of(data) for data in versions]
+    assert registry.versions("reach") == (1, 2, 3, 4)
+    assert files_in(registry) == ["reach", *(f"reach/{n}.h5" for n in (1, 2, 3, 4))]
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o777])
+def test_versions_are_read_only_whatever_the_umask(registry, versions, umask):
+    registry.root.mkdir()
+    (registry.root / "reach").mkdir()
+    old = os.umask(umask)
+    try:
+        path = registry.publish("reach", versions[0]).path
+    finally:
+        os.umask(old)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o444
+    assert path.stat().st_nlink == 1
+
+
+def test_what_the_newest_version_holds_is_not_published_again(registry, versions):
+    first = registry.publish("reach", versions[0])
+    again = registry.publish("reach", versions[0])
+    assert (again.version, again.created, again.path, again.digest) == (1, False, first.path, first.digest)
+
+    registry.publish("reach", versions[1])
+    assert registry.publish("reach", versions[0]).version == 3  # going back is a new version
+    assert registry.publish("other", versions[0]).version == 1
+
+
+def test_a_race_lost_to_the_same_content_makes_no_second_version(registry, versions, monkeypatch):
+    directory = registry.publish("reach", versions[0]).path.parent
+    real_link, calls = os.link, []
+
+    def beaten(*arguments, **options):
+        calls.append(arguments)
+        (directory / f"{len(calls) + 1}.h5").write_bytes(versions[len(calls)])  # another writer is faster
+        return real_link(*arguments, **options)
+
+    monkeypatch.setattr(os, "link", beaten)
+    published = registry.publish("reach", versions[2])
+    assert (published.version, published.created) == (3, False)
+    assert len(calls) == 2  # 2 was taken by other content, 3 by the same
+
+
+def test_content_counts_not_the_bytes_of_the_file(registry, hostile, nested):
+    """Another HDF5 library may lay the same content out differently."""
+
+    def move(body):
+        values = body["model/means"][()]
+        del body["model/means"]
+        body.create_dataset("model/means", data=values, track_times=False)
+
+    registry.publish("reach", store.encode(nested))
+    assert not registry.publish("reach", hostile(move)).created
+
+
+def test_nothing_is_published_that_could_not_be_read(registry, versions):
+    with pytest.raises(ArtifactError, match="the new version of reach is damaged"):
+        registry.publish("reach", versions[0][:-1])
+    assert not registry.root.exists()
+
+
+def test_a_damaged_newest_version_is_passed_over(registry, versions):
+    path = registry.publish("reach", versions[0]).path
+    path.unlink()
+    path.write_bytes(b"damaged")
+    assert registry.publish("reach", versions[0]).version == 2
+    assert path.read_bytes() == b"damaged"
+
+
+def test_the_number_after_the_highest_is_next_even_after_gaps(registry, versions):
+    registry.publish("reach", versions[0])
+    (registry.root / "reach" / "7.h5").write_bytes(b"")
+    (registry.root / "reach" / "0.h5").write_bytes(b"")
+    (registry.root / "reach" / "08.h5").write_bytes(b"")
+    (registry.root / "reach" / "notes.txt").write_bytes(b"")
+    assert registry.versions("reach") == (1, 7)
+    assert registry.publish("reach", versions[1]).version == 8
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", "", ".", "-rf", "Reach", "a\0", "x" * 65, "x.h5"])
+def test_nothing_is_published_under_a_bad_name(registry, versions, name):
+    with pytest.raises(UsageError):
+        registry.publish(name, versions[0])
+    with pytest.raises(UsageError):
+        registry.versions(name)
+    assert not registry.root.exists()
+
+
+def test_names_are_the_skills_that_have_versions(registry, versions):
+    assert registry.names() == ()
+    for name in ("reach", "grasp"):
+        registry.publish(name, versions[0])
+    (registry.root / "empty").mkdir()
+    (registry.root / "demonstrations").mkdir()
+    (registry.root / "demonstrations" / "a.csv").touch()
+    (registry.root / "Makefile").touch()
+    (registry.root / "Upper").mkdir()
+    (registry.root / "Upper" / "1.h5").touch()
+    assert registry.names() == ("grasp", "reach")
+
+
+# References
+
+
+@pytest.fixture
+def filled(tmp_path, versions):
+    registry = store.Registry(tmp_path / "skills")
+    for data in versions[:3]:
+        registry.publish("reach", data)
+    registry.publish("reach-left", versions[0])
+    (registry.root / "empty").mkdir()
+    return registry
+
+
+@pytest.mark.parametrize(
+    ("reference", "version"),
+    [
+        ("reach", 3),
+        ("reach@latest", 3),
+        ("reach@1", 1),
+        ("reach@2", 2),
+        ("reach@3", 3),
+    ],
+)
+def test_references_lead_to_versions(filled, reference, version):
+    path = filled.root / "reach" / f"{version}.h5"
+    assert filled.resolve(reference) == path
+    assert store.resolve(reference, filled.root) == path
+    assert store.locate(reference, filled.root) == store.Located(path, "reach", version)
+
+
+@pytest.mark.parametrize("digits", [8, 9, 63, 64])
+def test_a_digest_pins_a_version(filled, versions, digits):
+    digest = store.digest_of(versions[1])
+    assert filled.locate(f"reach@{digest[: len('sha256:') + digits]}").version == 2
+
+
+def test_a_digest_beginning_that_fits_two_contents_is_refused(filled, monkeypatch):
+    fake = {n: f"sha256:{'a' * 10}{n}" for n in (1, 2, 3)}
+    monkeypatch.setattr(store.Registry, "_digest", lambda _, __, number: fake[number])
+    with pytest.raises(UsageError, match="3 versions of reach have a content digest beginning") as caught:
+        filled.resolve("reach@sha256:aaaaaaaa")
+    assert fake[2] in caught.value.hint
+
+
+def test_equal_content_is_not_ambiguous(filled, versions):
+    filled.publish("reach", versions[0])
+    assert filled.locate(f"reach@{store.digest_of(versions[0])[:15]}").version == 4
+
+
+@pytest.mark.parametrize(
+    ("reference", "cause", "hint"),
+    [
+        ("reach@4", "reach has no version 4", "versions 1 to 3"),
+        ("reach@champion", "reach has no version champion", "versions 1 to 3"),
+        (
+            "reach@sha256:00000000",
+            "no version of reach has a content digest beginning sha256:00000000",
+            "1 to 3",
+        ),
+        ("rech", "has no skill rech", "Did you mean reach"),
+        ("zzz", "has no skill zzz", "It has reach, reach-left"),
+        ("empty", "has no skill empty", ""),
+        ("empty@1", "has no skill empty", ""),
+        ("no/such.h5", r"no/such\.h5: there is no such file", "Check the path"),
+        ("such.h5", r"such\.h5: there is no such file", "Check the path"),
+    ],
+)
+def test_what_is_not_there_is_not_found(filled, reference, cause, hint):
+    with pytest.raises(NotFoundError, match=cause) as caught:
+        filled.resolve(reference)
+    assert hint in caught.value.hint
+
+
+def test_a_store_that_does_not_exist_holds_nothing(tmp_path):
+    with pytest.raises(NotFoundError, match="has no skill reach") as caught:
+        store.resolve("reach", tmp_path / "nowhere")
+    assert "skillctl learn" in caught.value.hint
+
+
+def test_a_file_that_looks_like_a_name_is_pointed_out(filled, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("skill").touch()
+    with pytest.raises(NotFoundError) as caught:
+        filled.resolve("skill")
+    assert caught.value.hint == "For the file of that name, write ./skill."
+
+
+def test_a_file_needs_no_store(tmp_path, monkeypatch):
+    monkeypatch.setenv("SKILLCTL_STORE", "/nowhere")
+    (path := tmp_path / "skill.h5").touch()
+    assert store.locate(str(path)) == store.Located(path)
+
+
+# Links
+
+
+def test_a_link_in_place_of_a_skills_directory_is_not_followed(registry, versions, tmp_path):
+    registry.root.mkdir()
+    (target := tmp_path / "target").mkdir()
+    (target / "1.h5").write_bytes(versions[0])
+    (registry.root / "reach").symlink_to(target)
+
+    with pytest.raises(errors.UnsafeStoreError, match="reach is a symbolic link"):
+        registry.publish("reach", versions[1])
+    with pytest.raises(errors.UnsafeStoreError):
+        registry.resolve("reach")
+    assert registry.names() == ()
+    assert list(target.iterdir()) == [target / "1.h5"]
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+def test_a_link_in_place_of_the_store_is_not_followed(tmp_path, versions, dangling):
+    target = tmp_path / "target"
+    if not dangling:
+        target.mkdir()
+    (root := tmp_path / "skills").symlink_to(target)
+    for act in (lambda r: r.publish("reach", versions[0]), lambda r: r.resolve("reach"), lambda r: r.names()):
+        with pytest.raises(errors.UnsafeStoreError):
+            act(store.Registry(root))
+    assert not target.exists() or not list(target.iterdir())
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+def test_a_planted_version_link_is_passed_over(registry, versions, tmp_path, dangling):
+    registry.publish("reach", versions[0])
+    target = tmp_path / "target"
+    if not dangling:
+        target.write_bytes(versions[1])
+    (registry.root / "reach" / "2.h5").symlink_to(target)
+
+    assert registry.publish("reach", versions[1]).version == 3
+    assert target.exists() != dangling
+    with pytest.raises(errors.NotAnArtifactError, match="a symbolic link"):
+        store.read_skill(registry.resolve("reach@2"))
+
+
+# When the system refuses
+
+
+@pytest.mark.parametrize("call", ["fsync", "fchmod", "link", "write"])
+def test_when_the_disk_refuses_old_versions_stay_whole_and_nothing_is_left(
+    registry, versions, monkeypatch, call
+):
+    registry.publish("reach", versions[0])
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, full)
+        with pytest.raises(
+            StoreError, match=r"cannot publish reach in .*: No space left on device"
+        ) as caught:
+            registry.publish("reach", versions[1])
+    assert "nothing was changed" in caught.value.hint
+    assert files_in(registry) == ["reach", "reach/1.h5"]
+    assert registry.resolve("reach").read_bytes() == versions[0]
+    assert registry.publish("reach", versions[1]).version == 2
+
+
+def test_an_interrupt_leaves_no_temporary_file(registry, versions, monkeypatch):
+    registry.publish("reach", versions[0])
+
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "link", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            registry.publish("reach", versions[1])
+    assert files_in(registry) == ["reach", "reach/1.h5"]
+
+
+def test_a_file_in_place_of_a_directory(tmp_path, versions):
+    (root := tmp_path / "skills").touch()
+    with pytest.raises(StoreError, match="cannot publish"):
+        store.Registry(root).publish("reach", versions[0])
+    root.unlink()
+    root.mkdir()
+    (root / "reach").touch()
+    with pytest.raises(StoreError, match="cannot publish"):
+        store.Registry(root).publish("reach", versions[0])
+    assert (root / "reach").read_bytes() == b""
+
+
+def test_a_full_skill_is_said(registry, versions):
+    registry.publish("reach", versions[0])
+    (registry.root / "reach" / "999999.h5").write_bytes(b"")
+    with pytest.raises(StoreError, match="reach has 999999 versions; no more fit"):
+        registry.publish("reach", versions[1])
+
+
+def test_what_killed_writers_left_is_swept_but_not_what_others_are_writing(tmp_path, versions, monkeypatch):
+    monkeypatch.setattr(publishing, "_open_unnamed", lambda _: None)
+    registry = store.Registry(tmp_path / "skills")
+    directory = registry.publish("reach", versions[0]).path.parent
+    for name, age in {"old": 2 * publishing.STALE_SECONDS, "new": 0}.items():
+        (path := directory / f"{publishing.TEMPORARY_PREFIX}{name}").touch()
+        os.utime(path, (path.stat().st_mtime - age,) * 2)
+    registry.publish("reach", versions[1])
+    left = [path.name for path in directory.iterdir() if path.name.startswith(publishing.TEMPORARY_PREFIX)]
+    assert left == [f"{publishing.TEMPORARY_PREFIX}new"]
+
+
+# Which store
+
+
+def test_the_store_is_the_one_given_else_the_variable_else_the_nearest_else_the_users(tmp_path, monkeypatch):
+    project, home = tmp_path / "project", tmp_path / "home"
+    (deep := project / "a" / "b").mkdir(parents=True)
+    monkeypatch.chdir(deep)
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    monkeypatch.delenv("SKILLCTL_STORE", raising=False)
+    assert store.locate_store() == home / ".local" / "share" / "skillctl" / "skills"
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    assert store.locate_store() == tmp_path / "data" / "skillctl" / "skills"
+    (project / "skills").mkdir()
+    assert store.locate_store() == project / "skills"
+    (project / "a" / "skills").touch()  # a file is no store
+    assert store.locate_store() == project / "skills"
+    monkeypatch.setenv("SKILLCTL_STORE", str(tmp_path / "variable"))
+    assert store.locate_store() == tmp_path / "variable"
+    assert store.locate_store(tmp_path / "given") == tmp_path / "given"
+    monkeypatch.setenv("SKILLCTL_STORE", "")
+    assert store.locate_store() == project / "skills"
+
+
+def test_a_link_to_a_store_is_followed_where_the_user_names_it(tmp_path):
+    (target := tmp_path / "target").mkdir()
+    (link := tmp_path / "link").symlink_to(target)
+    assert store.locate_store(link) == target
