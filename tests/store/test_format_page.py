@@ -1,0 +1,62 @@
+"""FORMAT.md is normative, so it must say what the code does."""
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from skillctl.store import canonical, errors, files, layout, references, schema, seal, tree
+
+PAGE = (Path(schema.__file__).parent / "FORMAT.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", layout.ARRAYS)
+def test_every_array_stands_in_the_table(path):
+    spec = layout.ARRAYS[path]
+    shape = ", ".join(spec.lengths) + ("," if len(spec.lengths) == 1 else "")
+    assert f"| `/{path}` | {spec.dtype[1:]} | ({shape}) |" in PAGE
+
+
+@pytest.mark.parametrize("length", [name for name in layout.MAX_LENGTHS if name != "D+1"])
+def test_every_limit_stands_in_the_table(length):
+    assert f"| {length} | 1 | {layout.MAX_LENGTHS[length]} |" in PAGE
+
+
+MODELS = [
+    value for value in vars(schema).values()
+    if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == schema.__name__
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+def test_every_key_of_the_metadata_is_described(model):
+    section = PAGE[PAGE.index("## 3.") : PAGE.index("## 4.")]
+    for name in model.model_fields:
+        assert f"`{name}`" in section, name
+
+
+def test_numbers_agree():
+    assert f"at most {files.MAX_FILE_BYTES >> 20} MiB" in PAGE
+    assert (
+        f"at most {layout.MAX_ARRAY_BYTES >> 20} MiB, all together {layout.MAX_TOTAL_BYTES >> 20} MiB" in PAGE
+    )
+    assert f"up to offset {seal.SEAL_BYTES}" in PAGE
+    assert "`" + " ".join(f"{byte:02X}" for byte in seal.MAGIC) + "`" in PAGE
+    assert layout.FORMAT_MARK.decode() in PAGE
+    assert f"{canonical.MAX_DEPTH} deep" in PAGE
+    assert f"at most {tree.MAX_TREE_DEPTH} nodes deep" in PAGE
+    assert f"1 to {references.MAX_VERSION}" in PAGE
+    assert re.search(rf"at most {schema.MAX_LABEL}\s+characters", PAGE)
+    assert f"at most {schema.MAX_TEXT} characters" in PAGE
+    assert errors.READABLE_FORMATS == (layout.FORMAT_VERSION,)
+
+
+def test_every_error_is_explained():
+    for name, value in vars(errors).items():
+        if (
+            isinstance(value, type)
+            and issubclass(value, errors.ArtifactError)
+            and value.__module__ == errors.__name__
+        ):
+            assert f"`{name}`" in PAGE or name == "UnsupportedFormatError"
