@@ -17,7 +17,6 @@ from skillctl.model.skill import SedsSkill, Skill
 
 AnySkill = TypeVar("AnySkill", bound=Skill)
 ROUNDS = 3  # each search starts in the coordinates the one before has found
-BALANCING_SWEEPS = 10
 
 
 def with_lyapunov(skill: AnySkill, lyapunov: FloatArray) -> AnySkill:
@@ -100,35 +99,16 @@ def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
 
 
 def _best_start(matrices: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
-    """Return the candidate under which the slowest component decays fastest."""
-    scales = _balancing_scales(matrices)
-    balanced = matrices * scales[:, None] / scales
-    solutions = np.stack([_normalised(_lyapunov_solution(matrix)) for matrix in balanced])
-    candidates = [
-        np.diag(scales) @ p @ np.diag(scales) for p in (np.eye(len(scales)), solutions.mean(axis=0))
-    ]
+    """Return the candidate under which the slowest component decays fastest.
+
+    Candidates are the known P, their mean, and the mean of every component's own solution.
+    """
     for p in known:
         require_spd("known", p)
-    if known:
-        candidates += [*known, np.mean([_normalised(p) for p in known], axis=0)]
-    usable = [_normalised(p) for p in candidates]
-    return max(usable, key=lambda p: _slowest(p, matrices))
-
-
-def _balancing_scales(matrices: FloatArray) -> FloatArray:
-    """Return s so that diag(s) Σ|Aₖ| diag(s)⁻¹ has rows and columns of equal size (Osborne). Shape (d,)."""
-    total = np.abs(matrices).sum(axis=0)
-    np.fill_diagonal(total, 0.0)
-    scales = np.ones(len(total))
-    for _ in range(BALANCING_SWEEPS):
-        for i in range(len(total)):
-            row, column = total[i].sum(), total[:, i].sum()
-            if row > 0 and column > 0:
-                factor = np.sqrt(column / row)
-                total[i] *= factor
-                total[:, i] /= factor
-                scales[i] *= factor
-    return scales
+    own = [_normalised(_lyapunov_solution(matrix)) for matrix in matrices]
+    given = [_normalised(p) for p in known]
+    means = [np.mean(group, axis=0) for group in (own, given) if group]
+    return max([*given, *means], key=lambda p: _slowest(p, matrices))
 
 
 def _lyapunov_solution(matrix: FloatArray) -> FloatArray:
