@@ -71,32 +71,44 @@ def element(kind: int, data: bytes, order: str) -> bytes:
     return struct.pack(f"{order}II", kind, len(data)) + data + bytes(-len(data) % 8)
 
 
-@pytest.mark.parametrize(("order", "mark"), [("<", b"IM"), (">", b"MI")])
-def test_both_byte_orders_are_read(write, order: str, mark: bytes) -> None:
-    # Written by hand from the format's description: tags, flags, dimensions, name, data.
-    values = np.array([1.5, -2.0, 1e-300, 4.0, 5.0, 6.0])
+def by_hand(order: str, shape: tuple[int, int], name: bytes) -> bytes:
+    """A file with one array of six numbers, from the format's description: flags, sizes, name, data."""
     array = b"".join(
         [
             element(6, struct.pack(f"{order}II", 6, 0), order),
-            element(5, struct.pack(f"{order}ii", 2, 3), order),
-            element(1, b"a", order),
-            element(9, values.astype(f"{order}f8").tobytes(), order),
+            element(5, struct.pack(f"{order}ii", *shape), order),
+            name,
+            element(9, np.arange(6.0).astype(f"{order}f8").tobytes(), order),
         ]
     )
-    version = b"\x00\x01" if order == "<" else b"\x01\x00"
-    path = write(bytes(124) + version + mark + element(14, array, order), "hand.mat")
-    assert (variables(path)["a"] == values.reshape(2, 3, order="F")).all()
+    end = b"\x00\x01IM" if order == "<" else b"\x01\x00MI"
+    return bytes(124) + end + element(14, array, order)
 
 
-@pytest.mark.parametrize("variables_before", [0, 3])
-def test_what_unpacks_to_too_much_is_refused(save_mat, monkeypatch, variables_before: int) -> None:
-    path = save_mat({f"v{i}": np.zeros(1000) for i in range(variables_before + 1)}, compressed=True)
-    size = 8 * 1000 * variables_before  # all but the last variable, without their headers
-    monkeypatch.setattr(matlab, "MAX_BYTES", size + 8 * 1000)
-    with pytest.raises(InputDataError, match=r"not an intact MATLAB 5 file .*too large"):
-        variables(path)
-    monkeypatch.setattr(matlab, "MAX_BYTES", 2 * size + 9000)
-    assert len(variables(path)) == variables_before + 1
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_both_byte_orders_are_read(write, order: str) -> None:
+    path = write(by_hand(order, (2, 3), element(1, b"a", order)), "hand.mat")
+    assert variables(path)["a"].tolist() == [[0, 2, 4], [1, 3, 5]]
+
+
+def test_sizes_that_lie_are_refused(write) -> None:
+    long_name, short_name = struct.pack("<HHI", 1, 5, 0), struct.pack("<HH4s", 1, 4, b"abcd")
+    assert variables(write(by_hand("<", (2, 3), short_name)))["abcd"].shape == (2, 3)
+    for shape, name in (((-1, 3), short_name), ((2, 2), short_name), ((2, 3), long_name)):
+        with pytest.raises(InputDataError, match="not an intact MATLAB 5 file"):
+            variables(write(by_hand("<", shape, name)))
+
+
+def test_what_unpacks_to_too_much_is_refused(save_mat, monkeypatch) -> None:
+    both = {name: np.zeros(1000) for name in "ab"}
+    unpacked = len(save_mat(both).read_bytes()) - 128  # after the header
+    path = save_mat(both, compressed=True)
+    for limit in (unpacked - 1, unpacked // 2, 100):  # the second is one variable too many
+        monkeypatch.setattr(matlab, "MAX_BYTES", limit)
+        with pytest.raises(InputDataError, match=r"not an intact MATLAB 5 file .*too large"):
+            variables(path)
+    monkeypatch.setattr(matlab, "MAX_BYTES", unpacked)
+    assert set(variables(path)) == {"a", "b"}
 
 
 def test_cells_nested_without_end_are_refused(save_mat, cell) -> None:

@@ -202,6 +202,20 @@ def test_rows_written_twice_are_dropped_and_reported(write) -> None:
     assert result.notes == (f"3 repeated rows were dropped, in {path}.",)
 
 
+def test_velocities_and_places_follow_the_rows_that_stay(write, save_npz) -> None:
+    path = save_npz(
+        positions=np.array([[1.0], [1], [2], [3]]),
+        velocities=np.array([[7.0], [7], [8], [9]]),
+        times=np.array([0.0, 0, 1, 2]),
+    )
+    (demonstration,) = read_demonstrations([path]).demonstrations
+    assert demonstration.velocities.tolist() == [[7], [8], [9]]
+    with pytest.raises(InputDataError, match="line 5: time stamp 1 s follows 2 s"):
+        read_demonstrations([write("t,x\n0,1\n0,1\n2,2\n1,3\n")])
+    notes = read_demonstrations([write("t,x\n0,1\n0,1\n1,2\n2,3\n9,4\n10,5\n11,6\n")]).notes
+    assert notes[1].endswith("after line 5.")
+
+
 def test_a_gap_in_time_is_reported_with_its_place(write) -> None:
     times = [0.0, 0.1, 0.2, 0.3, 0.9, 1.0, 1.1]
     even = write(table(np.arange(7.0).tolist(), [1.0, 2, 3, 4, 5, 6, 7]), "even.csv")

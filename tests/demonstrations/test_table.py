@@ -110,6 +110,7 @@ def test_a_time_column_wins_over_a_period(read_text) -> None:
         ("t,x,y\n0,1,2\n1,\x1b[2J,3\n", r"line 3, column 'x': '\x1b[2J' is not a number."),
         ("t,x,y\n0,1,2\n1,1,3,4\n", "reach.csv, line 3: 4 cells, but the header has 3."),
         ("t,x,y\n0,1,2\n1,1.5,2.5\n2,2", "reach.csv, line 4: 2 cells, but the header has 3."),
+        ("# t,x\n0,1\n1,oops\n", "reach.csv, line 3, column 'x': 'oops' is not a number."),
         ("t,x,y\n0,1,2\n1,nan,3\n", "reach.csv, line 3, column 'x': nan is not a position."),
         ("t,x,y\n0,1,2\n1,1,-inf\n", "reach.csv, line 3, column 'y': -inf is not a position."),
         ("t,x,y\n0,1,2\n1,1,1e300\n", "reach.csv, line 3, column 'y': 1e+300 is not a position."),
@@ -159,6 +160,10 @@ def test_a_long_table_is_read_whole_and_its_last_line_is_checked(read_text) -> N
         read_text("t,x\n" + "\n".join([*lines, "99999,end"]))
     with pytest.raises(InputDataError, match=f"line {n + 3}: time stamp 5 s"):
         read_text("t,x\n\n" + "\n".join([*lines, "5,1"]))
+
+
+def test_blank_lines_at_the_end_do_not_count_however_many(read_text) -> None:
+    assert len(only(read_text(PLAIN + "\n" * 20_000)).times) == 3
 
 
 # Any float64 that repr writes.
