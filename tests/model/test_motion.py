@@ -178,14 +178,36 @@ def test_an_instantaneous_controller_chooses_at_every_step(two_ways):
         assert (velocity == two_ways.velocity(np.array(x), np.array([part]))).all()
 
 
-def test_an_instantaneous_rollout_chooses_at_every_step(two_ways):
-    skill = replace(two_ways, gate="instantaneous")
+@pytest.fixture
+def crossed(two_ways):
+    """Each part acts around the attractor of the other, so that every motion crosses the border."""
+    left, right = two_ways.parts
+    swapped = (replace(left, density=right.density), replace(right, density=left.density))
+    return replace(two_ways, parts=swapped)
+
+
+def test_a_step_of_its_own_is_no_disturbance_however_long(crossed):
+    controller = Controller(crossed, period=0.05)
+    x = np.array([0.9, 0.0])
+    longest = 0.0
+    for _ in range(60):
+        step = 0.05 * controller.step(x)
+        longest = max(longest, float(np.linalg.norm(step)))
+        x = x + step
+        assert controller.part == 0
+    assert longest > crossed.disturbance_distance
+    assert crossed.part_at([x]) == [1]  # a new choice would have been another one
+
+
+def test_an_instantaneous_rollout_chooses_at_every_step(crossed):
+    skill = replace(crossed, gate="instantaneous")
     starts = np.random.default_rng(2).uniform([0.3, -1.0], [0.7, 1.0], (20, 2))
     result = rollout(skill, starts, duration=0.2, period=0.01)
     x = starts
     for n in range(1, result.positions.shape[1]):
         x = x + 0.01 * skill.velocity(x)
         assert np.abs(result.positions[:, n] - x).max() <= 1e3 * EPS
+    assert (skill.part_at(starts) != result.parts).any()
 
 
 def test_other_skills_need_no_memory(make_skill):
