@@ -127,10 +127,9 @@ class _Session:
 
     def make_skills(self) -> None:
         for task in TASKS:
-            pattern = f"{task}-*.csv"
-            self.say("skillctl learn", f"{DEMONSTRATIONS}/{pattern}", "--name", task)
+            self.say("skillctl learn", f"{DEMONSTRATIONS}/{task}/*.csv", "--name", task)
             report = learn(
-                sorted(DEMONSTRATIONS.glob(pattern)), name=task, store=STORE, progress=self.progress
+                sorted((DEMONSTRATIONS / task).glob("*.csv")), name=task, store=STORE, progress=self.progress
             )
             self.made[task] = (report.skill, "learn", mean_dtw(report.demonstrations))
         for name, parts in MERGED.items():
@@ -192,10 +191,10 @@ def _typed(values: tuple[float, ...]) -> str:
 
 
 def _write_demonstrations() -> None:
-    DEMONSTRATIONS.mkdir(exist_ok=True)
     for task in TASKS:
+        (DEMONSTRATIONS / task).mkdir(parents=True, exist_ok=True)
         for number, demonstration in enumerate(reaching_demonstrations(task), start=1):
-            write_csv(demonstration, DEMONSTRATIONS / f"{task}-{number}.csv")
+            write_csv(demonstration, DEMONSTRATIONS / task / f"{number}.csv")
 
 
 def _require_free(directory: Path) -> None:

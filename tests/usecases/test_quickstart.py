@@ -36,7 +36,7 @@ def test_it_proves_six_skills(started):
 def test_there_are_seven_demonstrations_or_more_of_each_reach(started):
     folder, _ = started
     for task in SKILLS[:3]:
-        assert len(list((folder / "demonstrations").glob(f"{task}-*.csv"))) >= 7
+        assert len(list((folder / "demonstrations").glob(f"{task}/*.csv"))) >= 7
 
 
 @pytest.mark.skipif(not has_pybullet, reason="PyBullet has no wheel for this Python")
