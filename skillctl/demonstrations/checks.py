@@ -43,6 +43,7 @@ class Findings:
     estimated_step: float
 
 
+@np.errstate(all="ignore")  # what overflows is no number, and the demonstration refuses it in words
 def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[Demonstration, Findings]:
     """Return the demonstration in a recording, and what was noticed on the way.
 

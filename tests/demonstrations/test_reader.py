@@ -127,6 +127,12 @@ def test_numbers_that_make_no_sense_are_refused(write, option) -> None:
         read_demonstrations([write(PLAIN)], **option)
 
 
+@pytest.mark.parametrize("times", [("0", "1e-320"), ("-1e308", "1e308")])
+def test_times_beyond_any_clock_are_refused_in_words(write, times) -> None:
+    with pytest.raises(InputDataError, match="must be finite"):
+        read_demonstrations([write(f"t,x\n{times[0]},0\n{times[1]},1\n")])
+
+
 # ------------------------------------------------------------------------------------- files
 
 
