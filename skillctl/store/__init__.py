@@ -9,21 +9,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from skillctl.store.artifact import Artifact, label
+    from skillctl.store.artifact import Artifact
     from skillctl.store.files import write_file
-    from skillctl.store.provenance import current_provenance, facts, input_fingerprint, input_record
+    from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store, resolve
-    from skillctl.store.schema import DemonstrationReport, InputRecord, Operation, ParentRecord, Provenance
+    from skillctl.store.schema import (
+        DemonstrationReport,
+        InputRecord,
+        Operation,
+        ParentRecord,
+        Provenance,
+        label,
+    )
     from skillctl.store.writer import encode
 
 _MODULES = {
-    "artifact": ("Artifact", "label"),
+    "artifact": ("Artifact",),
     "files": ("write_file",),
-    "provenance": ("current_provenance", "facts", "input_fingerprint", "input_record"),
+    "provenance": ("current_provenance", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
     "registry": ("Located", "Registry", "StoredVersion", "locate", "locate_store", "resolve"),
-    "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance"),
+    "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance", "label"),
     "writer": ("encode",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
@@ -42,7 +49,6 @@ __all__ = [
     "decode",
     "digest_of",
     "encode",
-    "facts",
     "input_fingerprint",
     "input_record",
     "label",

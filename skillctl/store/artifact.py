@@ -10,18 +10,19 @@ import numpy as np
 from pydantic import ValidationError
 
 from skillctl.arrays import FloatArray
-from skillctl.errors import InvalidModelError, printable
+from skillctl.errors import InvalidModelError
 from skillctl.model import Demonstration, DemonstrationSet, Skill, StateSpace
 from skillctl.store.canonical import dump_canonical, load_strict
 from skillctl.store.errors import Refusal, require_format
 from skillctl.store.layout import META, Array, content_digest
 from skillctl.store.schema import (
-    MAX_LABEL,
+    WITHOUT_TIDYING,
     DemonstrationReport,
     Meta,
     Operation,
     Provenance,
     first_complaint,
+    label,
     parse_meta,
 )
 from skillctl.store.tree import model_arrays, node_of, skill_of
@@ -123,15 +124,11 @@ def _meta_of(artifact: Artifact) -> Meta:
                 "demonstrations": tuple(label(d.source) for _, d in _numbered(artifact)),
                 "reports": artifact.reports,
                 "provenance": artifact.provenance,
-            }
+            },
+            context=WITHOUT_TIDYING,  # a coordinate must not get another name
         )
     except ValidationError as error:
         raise InvalidModelError(f"this skill cannot be stored: {first_complaint(error)}.") from error
-
-
-def label(text: str) -> str:
-    """Return ``text`` as metadata may hold it: printable, and its end if it is too long."""
-    return printable(text)[-MAX_LABEL:]
 
 
 def _numbered(artifact: Artifact) -> list[tuple[int, Demonstration]]:

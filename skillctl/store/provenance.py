@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 import skillctl
-from skillctl.errors import UsageError, printable
-from skillctl.store.artifact import label
+from skillctl.errors import UsageError
 from skillctl.store.canonical import dump_canonical
-from skillctl.store.schema import MAX_TEXT, InputRecord, Operation, ParentRecord, Provenance
+from skillctl.store.schema import InputRecord, Operation, ParentRecord, Provenance
 
 # Those that compute the numbers. HDF5 is not one of them: the content does not depend on it.
 LIBRARIES = ("numpy", "scipy")
@@ -31,9 +26,9 @@ def input_record(path: Path, sha256: str, importer: str) -> InputRecord:
     as_given = Path(os.path.normpath(path))
     inside = not as_given.is_absolute() and ".." not in as_given.parts
     return InputRecord(
-        path=label((as_given if inside else Path(as_given.name)).as_posix()),
+        path=(as_given if inside else Path(as_given.name)).as_posix(),
         sha256=sha256,
-        importer=label(importer),
+        importer=importer,
     )
 
 
@@ -52,39 +47,6 @@ def current_provenance(
         libraries={name: installed for name in LIBRARIES if (installed := _installed_version(name))},
         date=_date(os.environ.get("SOURCE_DATE_EPOCH", "")),
     )
-
-
-def facts(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options or results as metadata holds them: plain numbers, tuples, and texts made printable.
-
-    Args:
-        values: Booleans, numbers, texts, None, NumPy's kinds of these, and sequences of them. Not finite
-            numbers become None: JSON has no others.
-
-    Raises:
-        TypeError: Anything else.
-    """
-    return {name: _fact(value) for name, value in values.items()}
-
-
-def _fact(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return tuple(_scalar(item) for item in value)
-    return _scalar(value)
-
-
-def _scalar(value: Any) -> Any:
-    if isinstance(value, Path):
-        value = value.name
-    if isinstance(value, str):
-        return printable(value)[:MAX_TEXT]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int):
-        return value
-    raise TypeError(f"metadata cannot hold {type(value).__name__}")
 
 
 def input_fingerprint(operation: Operation, provenance: Provenance) -> str:

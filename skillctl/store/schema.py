@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable, Mapping
+from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+)
 
 from skillctl.errors import printable
 from skillctl.model.skill import CombineGate, MergeGate
@@ -14,12 +26,60 @@ from skillctl.store.layout import FORMAT_VERSION
 
 MAX_LABEL = 200
 MAX_TEXT = 1000
+WITHOUT_TIDYING = {"tidy": False}  # validation context
 
 
 class Strict(BaseModel):
-    """Frozen; nothing missing, nothing extra, no value of a similar type, no NaN or infinity."""
+    """Frozen; nothing missing, nothing extra, no value of a similar type, no NaN or infinity.
+
+    Texts and facts that a program gives are made fit for metadata (``label``, ``plain_facts``), so that an
+    odd file name never stops a command; those in a file are refused unless they are fit.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def label(text: str) -> str:
+    """Return ``text`` as metadata may hold it: printable, and only its end if it is too long."""
+    return printable(text)[-MAX_LABEL:]
+
+
+def plain_facts(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options or results as metadata can hold them: plain numbers, tuples, and printable texts.
+
+    NumPy's numbers and arrays become Python's, NaN and infinity become None, and a path its name.
+
+    Raises:
+        TypeError: Anything else that JSON does not have, or a sequence of sequences.
+    """
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    return tuple(map(_plain_scalar, value)) if isinstance(value, list | tuple) else _plain_scalar(value)
+
+
+def _plain_scalar(value: Any) -> Any:
+    if isinstance(value, PurePath):
+        value = value.name
+    if isinstance(value, str):
+        return printable(value)[:MAX_TEXT]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int):
+        return value
+    raise TypeError(f"metadata cannot hold {type(value).__name__}")
+
+
+def _tidied(tidy: Callable[[Any], Any], kind: type) -> BeforeValidator:
+    """What a program records is made fit for metadata; what a file says must be fit already."""
+
+    def validate(value: Any, info: ValidationInfo) -> Any:
+        return tidy(value) if info.context is not WITHOUT_TIDYING and isinstance(value, kind) else value
+
+    return BeforeValidator(validate)
 
 
 def _is_printable(text: str) -> str:
@@ -34,7 +94,7 @@ def _is_relative(path: str) -> str:
     return path
 
 
-Label = Annotated[str, Field(max_length=MAX_LABEL), AfterValidator(_is_printable)]
+Label = Annotated[str, _tidied(label, str), Field(max_length=MAX_LABEL), AfterValidator(_is_printable)]
 Text = Annotated[str, Field(max_length=MAX_TEXT), AfterValidator(_is_printable)]
 Name = Annotated[Label, Field(min_length=1)]
 RelativePath = Annotated[Name, AfterValidator(_is_relative)]
@@ -51,7 +111,7 @@ Range = Annotated[tuple[Count, Count], Field(strict=False)]  # first index, and 
 Weights = Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
 Scalar = bool | Annotated[int, Field(ge=-(2**63), lt=2**63)] | float | Text | None
 Value = Scalar | Annotated[tuple[Scalar, ...], Field(strict=False)]
-Facts = dict[Key, Value]
+Facts = Annotated[dict[Key, Value], _tidied(plain_facts, Mapping)]
 
 
 class SedsNode(Strict):
@@ -190,7 +250,7 @@ class Meta(Strict):
 def parse_meta(value: Any) -> Meta:
     """Return the checked metadata, or raise Refusal naming the first field that is wrong."""
     try:
-        return Meta.model_validate(value)
+        return Meta.model_validate(value, context=WITHOUT_TIDYING)
     except ValidationError as error:
         raise Refusal(f"/meta.json: {first_complaint(error)}") from None
 

@@ -102,25 +102,32 @@ def test_the_fingerprint_survives_the_file(wrap, make_seds):
     )
 
 
-def test_facts_make_plain_values_of_numpys():
+def test_facts_are_made_plain():
     given = {
         "flag": np.bool_(True), "count": np.int64(3), "share": np.float64(0.5),
         "weights": np.array([0.25, 0.75]),
         "names": ["a", "b\n"], "none": None, "path": Path("/home/someone/a.csv"), "bad": float("nan"),
     }  # fmt: skip
-    assert store.facts(given) == {
+    stored = store.Operation(command="learn", options=given)
+    assert stored.options == {
         "flag": True, "count": 3, "share": 0.5, "weights": (0.25, 0.75), "names": ("a", r"b\n"), "none": None,
         "path": "a.csv", "bad": None,
     }  # fmt: skip
-    assert type(store.facts(given)["share"]) is float
-    stored = store.Operation(command="learn", options=store.facts(given))
+    assert type(stored.options["share"]) is float
     assert load_strict(dump_canonical(stored.model_dump(mode="json")))["options"]["weights"] == [0.25, 0.75]
+
+
+def test_labels_are_made_printable_and_short():
+    report = store.DemonstrationReport(source=f"\x1b[31m{'x' * 300}\n.csv", leaf=0, n_points=2, duration=1.0)
+    assert report.source.isprintable()
+    assert len(report.source) == 200
+    assert report.source.endswith(r"x\n.csv")
 
 
 @pytest.mark.parametrize("value", [{"a": 1}, [[1]], object(), 1j])
 def test_facts_refuse_what_metadata_cannot_hold(value):
     with pytest.raises(TypeError, match="metadata cannot hold"):
-        store.facts({"x": value})
+        store.Operation(command="learn", options={"x": value})
 
 
 @pytest.mark.parametrize("field", ["options", "results"])
