@@ -1,7 +1,9 @@
 """The stability constraint as a log-det barrier, and the constrained regression it makes convex.
 
-With V = ξᵀPξ, component k is stable at rate ε when S_k = −½(P A_k + A_kᵀ P) − ε P ≻ 0. The barrier
-−Σ_k log det S_k is finite exactly there, so every iterate that has a finite objective is stable.
+With V = ξᵀPξ, component k is stable at rate ε, and stays so under a controller of period Δt, when
+S_k = −½(P A_k + A_kᵀ P + Δt A_kᵀ P A_k) − ε P ≻ 0 (ours; Δt = 0 is the continuous condition). The set of
+such A_k is convex, and the barrier −Σ_k log det S_k is finite exactly there, so every iterate that has a
+finite objective is stable.
 """
 
 from __future__ import annotations
@@ -16,21 +18,24 @@ DONE = 1e-3  # Newton decrement, in units of the barrier's weight, at which a le
 
 
 class StabilityBarrier:
-    """−Σ_k log det S_k(A) with S_k = −½(P A_k + A_kᵀ P) − ε P, its gradient and its Hessian.
+    """−Σ_k log det S_k(A) with S_k = −½(P A_k + A_kᵀ P + Δt A_kᵀ P A_k) − ε P, and its derivatives.
 
     Args:
         lyapunov: P, shape (d, d).
         rate: ε ≥ 0, in 1 / time.
+        period: Δt ≥ 0, in time.
     """
 
-    def __init__(self, lyapunov: FloatArray, rate: float) -> None:
+    def __init__(self, lyapunov: FloatArray, rate: float, period: float = 0.0) -> None:
         self.lyapunov = lyapunov
         self.rate = rate
+        self.period = period
 
     def slack(self, matrices: FloatArray) -> FloatArray:
         """Return S_k for matrices (..., d, d), in the same shape."""
         product = self.lyapunov @ matrices
-        return np.asarray(-0.5 * (product + product.swapaxes(-1, -2)) - self.rate * self.lyapunov)
+        step = self.period * (matrices.swapaxes(-1, -2) @ product)
+        return np.asarray(-0.5 * (product + product.swapaxes(-1, -2) + step) - self.rate * self.lyapunov)
 
     def value(self, matrices: FloatArray) -> FloatArray:
         """Return −log det S_k, infinite where S_k is not positive definite. Shape (...)."""
@@ -40,40 +45,50 @@ class StabilityBarrier:
         logs = np.log(np.where(inside[..., None], eigenvalues, 1.0)).sum(axis=-1)
         return np.where(inside, -logs, np.inf)
 
-    def reach(self, matrices: FloatArray, direction: FloatArray) -> float:
-        """Return the largest t for which every S_k(A + t · direction) is positive semidefinite."""
-        product = self.lyapunov @ direction
-        change = -0.5 * (product + product.swapaxes(-1, -2))
-        factor = np.linalg.inv(np.linalg.cholesky(self.slack(matrices)))
-        lowest = float(np.linalg.eigvalsh(factor @ change @ factor.swapaxes(-1, -2)).min())
-        return -1.0 / lowest if lowest < 0 else np.inf
+    def feasible_share(self, matrices: FloatArray, direction: FloatArray) -> float:
+        """Return a share of the direction that keeps every S_k ≻ 0: all of it, or 0.9 of what fits."""
+        if np.isfinite(self.value(matrices + direction)).all():
+            return 1.0
+        share = 1.0
+        for _ in range(60):
+            share *= 0.7
+            if np.isfinite(self.value(matrices + share * direction)).all():
+                break
+        return 0.9 * share
 
     def derivatives(self, matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (K, d²) and Hessian (K, d², d²) with respect to each A_k, row by row.
 
-        With M = P S⁻¹: the gradient is M, and D²[U, U] = tr(S⁻¹ dS S⁻¹ dS) for dS = −½(PU + UᵀP).
+        dS = −½(BᵀU + UᵀB) with B = P(I + Δt A), d²S = −Δt UᵀPU. So the gradient is B S⁻¹, and
+        D²[U, U] = tr(S⁻¹ dS S⁻¹ dS) + Δt tr(S⁻¹ UᵀPU).
         """
         k, d, _ = matrices.shape
         inverse = np.linalg.inv(self.slack(matrices))
         inverse = 0.5 * (inverse + inverse.swapaxes(1, 2))
-        gradient = self.lyapunov @ inverse
-        double = gradient @ self.lyapunov  # P S⁻¹ P
-        # ½ [ (P S⁻¹ P)_{ia} (S⁻¹)_{jb} + (P S⁻¹)_{ib} (P S⁻¹)_{aj} ] for the pair U_ij, U_ab
+        factor = self.lyapunov @ (np.eye(d) + self.period * matrices)
+        gradient = factor @ inverse
+        double = gradient @ factor.swapaxes(1, 2) + 2 * self.period * self.lyapunov
+        # ½ [ (B S⁻¹ Bᵀ + 2 Δt P)_{ia} (S⁻¹)_{jb} + (B S⁻¹)_{ib} (B S⁻¹)_{aj} ] for the pair U_ij, U_ab
         hessian = 0.5 * (
             np.einsum("kia,kjb->kijab", double, inverse) + np.einsum("kib,kaj->kijab", gradient, gradient)
         )
         return gradient.reshape(k, d * d), hessian.reshape(k, d * d, d * d)
 
 
-def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier, margin: float) -> FloatArray:
-    """Return the nearest matrices, up to a shift along −I, whose slack is at least ``margin`` P.
+def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier) -> FloatArray:
+    """Return the matrices, each moved towards −I until it is inside the barrier.
 
-    Subtracting s I from A adds s P to S, so the shift is a generalised eigenvalue.
+    The set is convex and holds −I (in the learner's units), so some share of the way always is inside.
     """
-    factor = np.linalg.inv(np.linalg.cholesky(barrier.lyapunov))
-    smallest = np.linalg.eigvalsh(factor @ barrier.slack(matrices) @ factor.T)[..., 0]
-    shift = np.maximum(margin - smallest, 0.0)
-    return np.asarray(matrices - shift[..., None, None] * np.eye(matrices.shape[-1]))
+    centre = -np.eye(matrices.shape[-1])
+    share = np.ones(matrices.shape[:-2])
+    for _ in range(60):
+        inside = np.isfinite(barrier.value(centre + share[..., None, None] * (matrices - centre)))
+        if inside.all():
+            break
+        share = np.where(inside, share, 0.8 * share)
+    share = np.where(share < 1, 0.9 * share, share)
+    return np.asarray(centre + share[..., None, None] * (matrices - centre))
 
 
 def constrained_regression(
@@ -105,7 +120,7 @@ def constrained_regression(
     free: FloatArray = np.asarray(
         np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64
     )
-    matrices = strictly_inside(free if start is None else start, barrier, 0.05)
+    matrices = strictly_inside(free if start is None else start, barrier)
     quadratic = np.einsum("kia,kjb->kijab", precisions, gram).reshape(k, d * d, d * d)
     linear = (precisions @ cross).reshape(k, d * d)
     scale = np.trace(gram @ precisions, axis1=1, axis2=2) / d

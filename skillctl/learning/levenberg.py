@@ -80,8 +80,7 @@ def _step(objective: LearningObjective, state: State) -> bool:
         damped = normal.copy()
         damped[np.diag_indices_from(damped)] += state.damping * (diagonal + 1e-3 * diagonal.mean()) + 1e-12
         step = np.asarray(-np.linalg.solve(damped, slope), dtype=np.float64)
-        reach = barrier.reach(matrices, step[: k * size].reshape(matrices.shape))
-        step *= min(1.0, 0.9 * reach)
+        step *= barrier.feasible_share(matrices, step[: k * size].reshape(matrices.shape))
         trial = field.stepped(step)
         wall = float(barrier.value(trial.matrices).sum())
         if np.isfinite(wall):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -53,6 +54,8 @@ class LearnOptions:
         seed: Seed of the k-means++ starts.
         slowest_rate: Certified decay of V in the data's own time unit (its rms distance from the target
             over its rms speed): every Aₖ keeps at least this rate. 0.001 provably arrives, and crawls.
+        period: Controller period Δt for which the skill must stay certified, [s]; 0 asks for no more than
+            continuous-time stability.
     """
 
     objective: Objective = "reproduction"
@@ -61,6 +64,7 @@ class LearnOptions:
     preset: Preset = "default"
     seed: int = 0
     slowest_rate: float = 0.03
+    period: float = 0.01
 
     def __post_init__(self) -> None:
         for name, value, valid in (
@@ -74,6 +78,8 @@ class LearnOptions:
             raise UsageError(f"components: at least 1, not {self.n_components}.")
         if not 0 < self.slowest_rate <= 1:
             raise UsageError(f"slowest rate: above 0 and at most 1, not {self.slowest_rate:g}.")
+        if not 0 <= self.period < math.inf:
+            raise UsageError(f"period: zero or a positive number of seconds, not {self.period:g}.")
         if self.seed < 0:
             raise UsageError(f"seed: zero or a positive whole number, not {self.seed}.")
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import log_likelihood
 from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import TrainingData
-from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve
+from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve, stability_barrier
 from skillctl.model import DemonstrationSet
 
 POINTS_PER_COORDINATE = 5  # a component needs about five points per dimension
@@ -62,7 +61,7 @@ def _left_out_error(data: TrainingData, lyapunov: FloatArray, k: int, options: L
 
 def _bic(data: TrainingData, lyapunov: FloatArray, k: int, options: LearnOptions) -> float:
     """Return the Bayesian information criterion of the constrained joint mixture."""
-    barrier = StabilityBarrier(lyapunov, options.slowest_rate)
+    barrier = stability_barrier(data, lyapunov, options)
     (mixture, *_) = initial_mixtures(data, barrier, k, options, lambda _: None)
     n, d = data.points[0].shape
     per_component = 1 + d + d * (d + 1) + d * d  # prior, mean, Σ and C, A

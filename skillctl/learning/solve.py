@@ -65,7 +65,7 @@ def solve(
     Raises:
         InputDataError: Fewer distinct points than components.
     """
-    barrier = StabilityBarrier(lyapunov, options.slowest_rate)
+    barrier = stability_barrier(data, lyapunov, options)
     mixtures = initial_mixtures(data, barrier, n_components, options, progress)
     if options.objective == "likelihood":
         ranking = LearningObjective(data)
@@ -76,6 +76,16 @@ def solve(
     state, best = optimise(data, barrier, mixtures, options, progress)
     likelihood = log_likelihood(best, *data.points)
     return Solution(state.evaluation.field, position_em(best, data.points[0]), state.cost, likelihood)
+
+
+def stability_barrier(data: TrainingData, lyapunov: FloatArray, options: LearnOptions) -> StabilityBarrier:
+    """Return the constraint in the learner's units.
+
+    A period too long for the data (a motion that lasts a few periods) is shortened to what leaves room
+    for the −I that every fit can fall back to.
+    """
+    period = min(options.period / data.time_scale, 1.0 - options.slowest_rate)
+    return StabilityBarrier(lyapunov, options.slowest_rate, period)
 
 
 def initial_mixtures(

@@ -15,14 +15,16 @@ def random_spd(generator: np.random.Generator, d: int) -> np.ndarray:
 
 
 def stable(generator: np.random.Generator, barrier: StabilityBarrier, k: int) -> np.ndarray:
+    """Half-way between −I and something at most at the wall: inside by convexity."""
     d = len(barrier.lyapunov)
-    return strictly_inside(generator.standard_normal((k, d, d)), barrier, 0.2)
+    return 0.5 * (strictly_inside(generator.standard_normal((k, d, d)), barrier) - np.eye(d))
 
 
+@pytest.mark.parametrize("period", [0.0, 0.2])
 @pytest.mark.parametrize("d", [1, 2, 3, 6])
-def test_gradient_and_hessian_agree_with_finite_differences(d: int) -> None:
+def test_gradient_and_hessian_agree_with_finite_differences(d: int, period: float) -> None:
     generator = np.random.default_rng(d)
-    barrier = StabilityBarrier(random_spd(generator, d), RATE)
+    barrier = StabilityBarrier(random_spd(generator, d), RATE, period)
     matrices = stable(generator, barrier, 3)
     gradient, hessian = barrier.derivatives(matrices)
 
@@ -44,16 +46,29 @@ def test_the_barrier_is_infinite_outside() -> None:
     assert np.isfinite(barrier.value(matrices)).tolist() == [True, False, False]
 
 
-def test_reach_ends_exactly_at_the_wall() -> None:
-    generator = np.random.default_rng(3)
-    barrier = StabilityBarrier(random_spd(generator, 3), RATE)
-    matrices = stable(generator, barrier, 4)
-    direction = generator.standard_normal(matrices.shape)
-    reach = barrier.reach(matrices, direction)
+def test_inside_the_barrier_one_controller_step_contracts() -> None:
+    # V(ξ + Δt A ξ) ≤ (1 − 2 ε Δt) V(ξ): the definition, written without the barrier's own algebra.
+    generator = np.random.default_rng(5)
+    period = 0.3
+    barrier = StabilityBarrier(random_spd(generator, 3), RATE, period)
+    states = generator.standard_normal((500, 3))
+    for matrix in strictly_inside(3 * generator.standard_normal((20, 3, 3)), barrier):
+        after = states + period * states @ matrix.T
+        before_v = np.einsum("ni,ij,nj->n", states, barrier.lyapunov, states)
+        after_v = np.einsum("ni,ij,nj->n", after, barrier.lyapunov, after)
+        assert (after_v < (1 - 2 * RATE * period) * before_v).all()
 
-    assert np.isfinite(barrier.value(matrices + 0.999 * reach * direction)).all()
-    assert not np.isfinite(barrier.value(matrices + 1.001 * reach * direction)).all()
-    assert barrier.reach(matrices, -np.tile(np.eye(3), (4, 1, 1))) == np.inf  # ever more stable
+
+def test_a_step_is_shortened_until_it_stays_inside() -> None:
+    generator = np.random.default_rng(3)
+    barrier = StabilityBarrier(random_spd(generator, 3), RATE, 0.1)
+    matrices = stable(generator, barrier, 4)
+    for scale in (1e-3, 1.0, 1e3):
+        direction = scale * generator.standard_normal(matrices.shape)
+        share = barrier.feasible_share(matrices, direction)
+        assert 0 < share <= 1
+        assert np.isfinite(barrier.value(matrices + share * direction)).all()
+    assert barrier.feasible_share(matrices, np.zeros_like(matrices)) == 1.0
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -47,6 +47,16 @@ def test_handwriting_is_reproduced_within_millimetres_and_stable(
     assert mean_distance(result.skill, result.demonstrations) < 2.1e-3 + result.forced_deviation
 
 
+@pytest.mark.parametrize("period", [0.002, 0.01, 0.05])
+def test_the_skill_is_stable_under_a_controller_of_the_period_asked_for(
+    curved: Curved, period: float
+) -> None:
+    skill = fit(curved(), LearnOptions(preset="fast", period=period)).skill
+    step = np.eye(2) + period * skill.system_matrices
+    change = step.swapaxes(1, 2) @ skill.lyapunov @ step - skill.lyapunov  # V after one step minus V
+    assert np.linalg.eigvalsh(change).max() < 0
+
+
 def test_the_euclidean_metric_is_the_papers_condition(curved: Curved) -> None:
     result = fit(curved(), LearnOptions(metric="euclidean", preset="fast"))
     np.testing.assert_array_equal(result.skill.lyapunov, np.eye(2))
@@ -156,7 +166,14 @@ def test_a_motion_that_contradicts_the_metric_is_warned_about(
 
 @pytest.mark.parametrize(
     "options",
-    [{"objective": "speed"}, {"metric": "l2"}, {"preset": "slow"}, {"n_components": 0}, {"seed": -1}],
+    [
+        {"objective": "speed"},
+        {"metric": "l2"},
+        {"preset": "slow"},
+        {"n_components": 0},
+        {"seed": -1},
+        {"period": -0.1},
+    ],
 )
 def test_bad_options_are_named(options: dict[str, object]) -> None:
     with pytest.raises(UsageError):
