@@ -35,7 +35,7 @@ def blocks(report: InspectReport) -> list[render.Block]:
     space, certificate = report.space, report.certificate
     facts = (
         ("skill", report.skill),
-        ("file", str(report.path)),
+        ("file", words.near(report.path)),
         ("digest", report.digest),
         ("kind", " ".join([report.kind, *_how(report.tree)])),
         ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
@@ -70,8 +70,13 @@ def _origin(report: InspectReport) -> render.Facts:
     provenance = report.provenance
     items = [("made by", f"skillctl {provenance.tool} {report.operation.command}")]
     items += [
-        (parent.role, f"{parent.name}{f'@{parent.version}' if parent.version else ''}  {parent.digest}")
+        (
+            parent.role,
+            f"{parent.name}{f'@{parent.version}' if parent.version else ''}  {words.short(parent.digest)}",
+        )
         for parent in provenance.parents
     ]
-    items += [("input", f"{file.path}  {file.importer}  sha256:{file.sha256}") for file in provenance.inputs]
+    items += [
+        ("input", f"{file.path}  {file.importer}  {words.short(file.sha256)}") for file in provenance.inputs
+    ]
     return render.Facts(tuple(items))

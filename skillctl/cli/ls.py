@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from skillctl.cli import options, render
+from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def blocks(report: StoreReport) -> list[render.Block]:
     if not report.skills:
         return [f"{report.store} holds no skills yet."]
     rows = tuple(
-        (skill.name, str(skill.versions[-1]), str(len(skill.versions)), str(skill.path))
+        (skill.name, str(skill.versions[-1]), str(len(skill.versions)), words.near(skill.path))
         for skill in report.skills
     )
     return [render.Table(("skill", "newest", "versions", "file"), rows)]

@@ -36,6 +36,12 @@ def point(values: Sequence[float], unit: str = "") -> str:
     return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
 
 
+def near(path: Path) -> str:
+    """Return a path as one would type it here: relative where it lies below the working directory."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
 def yes_no(value: bool | None) -> str:
     """Return ``yes``, ``no``, or a dash for what nobody knows."""
     return NONE if value is None else ("yes" if value else "no")
@@ -68,7 +74,7 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
 def written(skill: str, path: Path, digest: str, created: bool) -> tuple[tuple[str, str], ...]:
     """Return where a new skill is, and what it is."""
     name = skill if created else f"{skill} (unchanged)"
-    return (("skill", name), ("file", str(path)), ("digest", digest))
+    return (("skill", name), ("file", near(path)), ("digest", digest))
 
 
 def short(digest: str | None) -> str:
