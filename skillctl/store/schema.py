@@ -110,7 +110,10 @@ NotNegative = Annotated[float, Field(ge=0)]
 Range = Annotated[tuple[Count, Count], Field(strict=False)]  # first index, and one past the last
 Weights = Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
 Scalar = bool | Annotated[int, Field(ge=-(2**63), lt=2**63)] | float | Text | None
-Value = Scalar | Annotated[tuple[Scalar, ...], Field(strict=False)]
+# Inside a union, older pydantic ignores that a tuple is not strict, so lists are converted by hand.
+Value = Annotated[
+    Scalar | tuple[Scalar, ...], BeforeValidator(lambda v: tuple(v) if isinstance(v, list) else v)
+]
 Facts = Annotated[dict[Key, Value], _tidied(plain_facts, Mapping)]
 
 
