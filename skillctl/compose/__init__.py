@@ -1,13 +1,18 @@
 """Skills made from skills: merge, combine, and the common Lyapunov matrix that proves a merger."""
 
+from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt
 from skillctl.compose.combine import PartCoverage, combine, coverage
 from skillctl.compose.lyapunov import common_lyapunov, common_lyapunov_of, conflicting_parts, with_lyapunov
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.compose.parts import notes_on
 
 __all__ = [
+    "FIT_LEVELS",
+    "Adaptation",
+    "FitLevel",
     "NoCommonLyapunovError",
     "PartCoverage",
+    "adapt",
     "combine",
     "common_lyapunov",
     "common_lyapunov_of",

@@ -66,15 +66,28 @@ def merge(
     References:
         Section 3.1 of the paper; theory page, merge.
     """
+    members = common_members(parts, lyapunov)
+    weights = normalised("part weights", part_weights, len(parts))
+    _require_options(gate, sharpness, speed)
+    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, sharpness, speed)
+
+
+def common_members(
+    parts: Sequence[Skill], lyapunov: FloatArray | None
+) -> tuple[SedsSkill | MergedSkill, ...]:
+    """Return the parts of a merger under one P: the given one (d, d), else the one they share.
+
+    Raises:
+        UsageError: Fewer than two parts, a combined skill, or different spaces.
+        NoCommonLyapunovError: No P is given and the parts have different ones.
+    """
     require_compatible(parts, "merge")
     members = tuple(_mergeable(number, part) for number, part in enumerate(parts, start=1))
-    weights = normalised("part weights", part_weights, len(members))
-    _require_options(gate, sharpness, speed)
     if lyapunov is not None:
-        members = tuple(with_lyapunov(part, lyapunov) for part in members)
-    elif any((part.lyapunov != members[0].lyapunov).any() for part in members):
+        return tuple(with_lyapunov(part, lyapunov) for part in members)
+    if any((part.lyapunov != members[0].lyapunov).any() for part in members):
         raise NoCommonLyapunovError(conflicting_parts(members))
-    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, sharpness, speed)
+    return members
 
 
 def _mergeable(number: int, part: Skill) -> SedsSkill | MergedSkill:

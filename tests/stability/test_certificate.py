@@ -295,6 +295,25 @@ def test_regions_that_push_at_each_other_are_refuted_by_a_witness(make_skill):
     assert certify(crossed, seed=4).sampling.witness != certificate.sampling.witness
 
 
+def test_what_came_near_and_then_got_stuck_is_a_witness_before_time_is_up(make_skill, monkeypatch):
+    # As above, but one direction is so slow that following it to the guaranteed arrival would take hours.
+    left, right = combined(make_skill, np.random.default_rng(18), ([0, 0], [1, 0]), "instantaneous").parts
+    matrices = np.tile(np.diag([-1.0, -1e-3]), (3, 1, 1))
+    crossed = CombinedSkill(
+        tuple(
+            replace(a, density=b.density, system_matrices=matrices) for a, b in ((left, right), (right, left))
+        ),
+        [0.5, 0.5],
+        "instantaneous",
+    )
+    monkeypatch.setattr("skillctl.stability.sampling.STARTS", 1)
+    for seed in range(8):
+        sampling = certify(crossed, seed=seed).sampling
+        assert sampling.duration < np.log(10) / 1e-3 / 0.5  # not even a tenth of the way, twice over
+        assert sampling.witness is not None
+        assert abs(sampling.witness_end[0] - 0.5) < 0.1  # on the border
+
+
 def test_one_attractor_without_a_radius_leaves_no_local_proof(make_skill):
     # The second part knows a place of its own, but not its attractor: the first part acts there.
     near, far = combined(make_skill, np.random.default_rng(17), ([0, 0], [1, 0]), "instantaneous").parts
