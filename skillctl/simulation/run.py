@@ -14,17 +14,13 @@ from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, retargeted
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, ArmState, DrivenArm
 from skillctl.simulation.bullet import silenced
+from skillctl.simulation.control import Follower, Judge
 from skillctl.simulation.episode import Episode, Outcome, TimeSeries, measure
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import SimulationOptions
 from skillctl.simulation.prepare import Setup, prepare
 
-FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference yields
-FEEDBACK_RATE = 3.0  # [1/s]
-COMMANDED_SHARE = 0.95  # of the real arm's joint velocity: the motors overshoot a little
-UNREACHABLE_TIME = 0.25  # [s] without joints for the reference, in a row
-DIVERGED_FACTOR, DIVERGED_ROOM = 1.5, 0.05  # of the plan's largest distance to its target; [m]
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
 PROGRESS_STEPS = 24  # control periods between two reports
 
@@ -37,7 +33,7 @@ def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | N
     Every control period the reference moves with the skill's velocity at the *measured* hand position,
     and the arm's position motors follow it. Equal arguments give equal results, bit for bit, in any
     process on the same machine and build. A success shows that the arm's workspace, speed and torque
-    allow the motion; it says nothing about obstacles, friction or people near a real arm.
+    allow the motion. It says nothing about obstacles, and the arm may pass through itself.
 
     Args:
         skill: Any skill over hand positions in two or three dimensions.
@@ -87,8 +83,8 @@ def _drive(
     progress: Progress | None,
 ) -> tuple[Outcome, TimeSeries]:
     horizon = _horizon(setup, options)
-    judge, log = _Judge.of(setup, options), _Log()
-    follower = _Follower(kinematics, setup.joints)
+    judge, log = Judge.of(setup.plan, options), _Log()
+    follower = Follower(kinematics, setup.joints)
     outcome: Outcome | None = None
     for step in range(math.ceil(horizon / CONTROL_PERIOD) + 1):
         state = arm.state()
@@ -113,73 +109,13 @@ def _horizon(setup: Setup, options: SimulationOptions) -> float:
     return HORIZON_FACTOR * setup.plan.duration + HORIZON_SLACK
 
 
-class _Follower:
-    """Moves the reference, and the commanded joints with it, never faster than the joints can go."""
-
-    def __init__(self, kinematics: Kinematics, joints: FloatArray) -> None:
-        self._kinematics = kinematics
-        self._largest_step = COMMANDED_SHARE * CONTROL_PERIOD * kinematics.model.max_velocity
-        self.reference = kinematics.forward(joints)
-        self.joints = joints
-        self.residual = 0.0
-        self.refusals = 0
-
-    def advance(self, velocity: FloatArray, hand: FloatArray) -> float:
-        """Move on for one period; return the share of the velocity (3,) that the joints allowed."""
-        gap = hand - self.reference
-        if np.linalg.norm(gap) > FEEDBACK_GAP:
-            velocity = velocity + FEEDBACK_RATE * gap
-        step = CONTROL_PERIOD * velocity
-        solution = self._kinematics.follow(self.reference + step, self.joints)
-        self.residual = solution.residual
-        if not solution.accepted:  # stand still; the reference goes on and may become reachable again
-            self.refusals += 1
-            self.reference = self.reference + step
-            return 1.0
-        self.refusals = 0
-        joint_step = solution.joints - self.joints
-        share = 1.0 / max(1.0, float((np.abs(joint_step) / self._largest_step).max()))
-        self.reference = self.reference + share * step
-        self.joints = self.joints + share * joint_step
-        return share
-
-
-@dataclass(slots=True)
-class _Judge:
-    """Decides when an episode is over, and how it ended."""
-
-    tolerance: float
-    settle_steps: int
-    farthest: float
-    steps_near: int = 0
-
-    @classmethod
-    def of(cls, setup: Setup, options: SimulationOptions) -> _Judge:
-        distances = np.linalg.norm(setup.plan.positions - setup.plan.target, axis=1)
-        planned = distances.max() if setup.plan.arrived else distances[0]
-        farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM
-        return cls(options.tolerance, math.ceil(options.settle_time / CONTROL_PERIOD), farthest)
-
-    def outcome(
-        self, motion: Motion, hand: FloatArray, velocity: FloatArray, refusals: int
-    ) -> Outcome | None:
-        """Return how the episode ended, None while it goes on."""
-        if not np.isfinite(velocity).all() or not motion.distance_to_goals(hand) < self.farthest:
-            return "diverged"
-        if refusals * CONTROL_PERIOD >= UNREACHABLE_TIME:
-            return "unreachable"
-        near = np.linalg.norm(hand - motion.target(hand)) < self.tolerance
-        self.steps_near = self.steps_near + 1 if near else 0
-        return "reached" if self.steps_near > self.settle_steps else None
-
-
 @dataclass(slots=True)
 class _Log:
     """Collects rows, and turns them into a time series."""
 
     rows: list[tuple[int, ArmState, FloatArray, float, int]] = field(default_factory=list)
 
-    def add(self, step: int, state: ArmState, follower: _Follower, part: int) -> None:
+    def add(self, step: int, state: ArmState, follower: Follower, part: int) -> None:
         self.rows.append((step, state, follower.reference, follower.residual, part))
 
     def series(self) -> TimeSeries:

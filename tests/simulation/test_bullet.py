@@ -94,6 +94,10 @@ module.skill = SedsSkill(one, target[None], square, -2 * square, square, target,
                          GaussianMixture(one, target[None], square), StateSpace.cartesian(3))
 sys.modules["tests_skill"] = module
 """
-    done = subprocess.run([sys.executable, "-c", prelude + code], capture_output=True, text=True, check=True)
+    # Left to itself C keeps its text and prints it at the end of the process, when nothing is silenced.
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        [sys.executable, "-c", prelude + code], env=buffered, capture_output=True, text=True, check=True
+    )
     assert done.stdout == "first\nlast\n"
     assert done.stderr == ""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.ik import ACCEPTED_JUMP, POSE_ANGLE, POSE_POSITION, Kinematics
 
 SINGLE = 1e-6  # [m]: URDF numbers carry six digits
+URDF_ANGLE = 1e-3  # [rad]: but its right angles only three
 
 
 def modified_dh(a: float, alpha: float, d: float, theta: float) -> np.ndarray:
@@ -48,6 +49,12 @@ def panda_hand(joints: np.ndarray) -> np.ndarray:
     return pose @ modified_dh(0, 0, 0.107, -half) @ modified_dh(0, 0, 0.105, 0)
 
 
+def approach_axis(point: Sequence[float]) -> list[float]:
+    """Return where a horizontal hand points: half-way to radial, a quarter radian down."""
+    yaw, pitch = 0.5 * math.atan2(point[1], point[0]), 0.25
+    return [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
+
+
 @pytest.fixture(params=list(itertools.product(ARMS, HANDS)), ids=lambda pair: "-".join(pair))
 def kinematics(request: pytest.FixtureRequest) -> Iterator[Kinematics]:
     arm, hand = request.param
@@ -72,11 +79,9 @@ def test_a_found_pose_is_the_wanted_one(panda: Kinematics) -> None:
         found = panda.search(np.array(point), seed=0)
         assert found.accepted
         pose = panda_hand(found.joints)
-        yaw, pitch = 0.5 * math.atan2(point[1], point[0]), 0.25
-        approach = [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
         assert np.linalg.norm(pose[:3, 3] - point) < POSE_POSITION + 10 * SINGLE
-        assert pose[:3, 2] @ approach > math.cos(POSE_ANGLE + 1e-3)  # the URDF rounds angles to 1e-3 rad
-        assert abs(pose[2, 1]) < math.sin(POSE_ANGLE + 1e-3)  # the finger axis is horizontal
+        assert pose[:3, 2] @ approach_axis(point) > math.cos(POSE_ANGLE + URDF_ANGLE)
+        assert abs(pose[2, 1]) < math.sin(POSE_ANGLE + URDF_ANGLE)  # the finger axis is horizontal
 
 
 def test_a_turned_base_turns_the_solution(panda: Kinematics) -> None:
@@ -84,8 +89,10 @@ def test_a_turned_base_turns_the_solution(panda: Kinematics) -> None:
     with ArmBody(ARMS["panda"], quarter) as body:
         turned = Kinematics(body, "horizontal", quarter)
         joints = turned.search(np.array([-0.1, 0.55, 0.6]), seed=0).joints
-    # Turned back by a quarter, the same joints reach the point turned back.
-    assert panda_hand(joints)[:3, 3] == pytest.approx([0.55, 0.1, 0.6], abs=POSE_POSITION + 10 * SINGLE)
+    # Turned back by a quarter, the same joints hold the hand at the point turned back.
+    pose, point = panda_hand(joints), [0.55, 0.1, 0.6]
+    assert pose[:3, 3] == pytest.approx(point, abs=POSE_POSITION + 10 * SINGLE)
+    assert pose[:3, 2] @ approach_axis(point) > math.cos(POSE_ANGLE + URDF_ANGLE)
 
 
 def test_following_is_exact_within_limits_and_without_jumps(kinematics: Kinematics) -> None:

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from skillctl.model import CombinedSkill, Controller, SedsSkill
 from skillctl.simulation import SimulationOptions
 from skillctl.simulation.arm import CONTROL_PERIOD
-from skillctl.simulation.motion import plan_motion
+from skillctl.simulation.motion import Motion, plan_motion
 from skillctl.simulation.placement import Placement
 
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
@@ -53,6 +53,8 @@ def test_a_2d_skill_moves_at_its_scale_and_into_its_plane(stroke: SedsSkill) -> 
     assert plan.arrived
     assert plan.target == pytest.approx([0.5, 0.0, 0.5], abs=EPS)
     assert plan.positions[-1] == pytest.approx(plan.target, abs=5e-4)  # a quarter of the tolerance
+    # The way to the plane adds to the skill's own speed, and is capped with it.
+    assert speeds_of(plan.positions).max() == pytest.approx(0.3, abs=ROUNDING)
 
 
 def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: object) -> None:
@@ -61,17 +63,30 @@ def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: object) -> None:
     assert not plan.arrived
 
 
-def test_a_capped_command_is_not_a_disturbance(linear: object) -> None:
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_a_capped_command_is_not_a_disturbance(linear: object, scale: float) -> None:
     """At 50 /s the skill asks for 0.1 m per period: far more than the disturbance distance."""
     acting = linear((0.0, 0.0, 0.0), rate=50.0, centre=(0.5, 0.0, 0.0))  # type: ignore[operator]
     waiting = linear((0.0, 0.5, 0.0), rate=50.0, centre=(0.25, 0.0, 0.0), spread=0.02)  # type: ignore[operator]
-    skill = CombinedSkill((acting, waiting), np.array([0.5, 0.5]), disturbance_distance=0.02)
+    skill = CombinedSkill((acting, waiting), np.array([0.5, 0.5]), disturbance_distance=2e-3)
     assert skill.part_at([[0.5, 0.0, 0.0], [0.25, 0.0, 0.0]]).tolist() == [0, 1]  # the way crosses a region
 
-    plan = plan_motion(skill, HERE, SimulationOptions(), np.array([0.5, 0.0, 0.0]))
+    placement = Placement(np.eye(3), np.zeros(3), scale, None)
+
+    plan = plan_motion(skill, placement, SimulationOptions(), scale * np.array([0.5, 0.0, 0.0]))
 
     assert plan.arrived
-    assert (plan.target == 0).all()
+    assert (plan.positions[:, 1:] == 0).all()  # the waiting part would turn off to y = 0.5
+
+
+def test_after_a_shortened_step_the_hand_speeds_up_from_there(linear: object) -> None:
+    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, SimulationOptions())  # type: ignore[operator]
+    far = np.zeros(3)
+    step = 1.5 * CONTROL_PERIOD  # what the acceleration adds in a period, [m/s]
+    for count in range(1, 11):
+        assert np.linalg.norm(motion.velocity(far)) == pytest.approx(count * step, rel=16 * EPS)
+    motion.slowed(0.5)
+    assert np.linalg.norm(motion.velocity(far)) == pytest.approx(6 * step, rel=16 * EPS)
 
 
 def test_the_controller_shortens_but_does_not_turn(reach: SedsSkill) -> None:

@@ -11,6 +11,7 @@ from skillctl.simulation import ARMS, SimulationOptions
 from skillctl.simulation.placement import Placement, placements
 
 PANDA = ARMS["panda"]
+EPS = np.finfo(np.float64).eps
 metres = st.floats(-1, 1, width=16)
 
 
@@ -26,7 +27,7 @@ def test_a_position_in_the_plane_comes_from_the_state_it_stands_for(x: float, y:
 
     assert position[0] == 0.5
     # One product and one sum each way; magnitudes stay below 8.
-    assert placement.to_state(position) == pytest.approx([x, y], abs=8 * 4 * np.finfo(np.float64).eps / scale)
+    assert placement.to_state(position) == pytest.approx([x, y], abs=8 * 4 * EPS / scale)
 
 
 def test_a_3d_skill_is_used_where_it_was_recorded(reach: SedsSkill) -> None:
@@ -43,6 +44,14 @@ def test_a_small_2d_skill_fills_the_room_in_front_of_the_arm(stroke: SedsSkill) 
     assert 0.1 < np.ptp(corners, axis=0).max() <= 0.3
     assert np.linalg.norm(corners[:, :2] - PANDA.reach_centre[:2], axis=1).max() < 0.3
     assert np.ptp(corners[:, 2]) == 0
+
+
+def test_a_2d_skill_is_brought_to_the_middle_wherever_it_was_recorded(linear: object) -> None:
+    skill = linear((3.0, -2.0), spread=0.01)  # type: ignore[operator]
+    placement = placed(skill, plane="yz")
+    # A box of 4 standard deviations becomes 0.3 m; sums of some 30 m are rounded.
+    assert placement.scale == pytest.approx(7.5, rel=EPS)
+    assert placement.to_workspace(skill.attractor) == pytest.approx(PANDA.reach_centre, abs=64 * EPS)
 
 
 def test_a_2d_skill_of_the_arms_own_size_keeps_it(linear: object) -> None:
