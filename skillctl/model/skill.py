@@ -69,7 +69,7 @@ class SedsSkill:
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), shape))
         require_spd("residual_covariances", self.residual_covariances)
         require_spd("lyapunov", self.lyapunov)
-        _require_positive("speed", self.speed)
+        _require_speed(self.speed, self.system_matrices)
         if self.density.dimension != d or self.space.dimension != d:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
         gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
@@ -148,7 +148,8 @@ class MergedSkill:
         object.__setattr__(self, "part_weights", weights)
         if self.gate not in MERGE_GATES:
             raise InvalidModelError(f"gate: one of {', '.join(MERGE_GATES)}, not {self.gate!r}.")
-        _require_positive("speed", self.speed)
+        for part in self.parts:
+            _require_speed(self.speed, part.component_matrices)
         if not (np.isfinite(self.sharpness) and self.sharpness >= 1):
             raise InvalidModelError("sharpness: must be at least 1.")
         first = self.parts[0]
@@ -262,7 +263,8 @@ class CombinedSkill:
         object.__setattr__(self, "part_priors", priors)
         if self.gate not in COMBINE_GATES:
             raise InvalidModelError(f"gate: one of {', '.join(COMBINE_GATES)}, not {self.gate!r}.")
-        _require_positive("speed", self.speed)
+        for part in self.parts:
+            _require_speed(self.speed, part.component_matrices)
         _require_positive("disturbance_distance", self.disturbance_distance)
 
     @property
@@ -388,6 +390,13 @@ def _require_parts(parts: tuple[Skill, ...], kinds: tuple[type, ...]) -> None:
             raise InvalidModelError("parts: a combined skill cannot be a part of another skill.")
         if part.space != parts[0].space:
             raise InvalidModelError(f"parts: state spaces differ ({part.space} and {parts[0].space}).")
+
+
+def _require_speed(speed: float, matrices: FloatArray) -> None:
+    _require_positive("speed", speed)
+    with np.errstate(over="ignore"):
+        if not np.isfinite(speed * matrices).all():
+            raise InvalidModelError(f"speed: {speed!r} times the system matrices is beyond float64.")
 
 
 def _require_positive(name: str, value: float) -> None:

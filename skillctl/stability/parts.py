@@ -16,6 +16,7 @@ MARGIN = 2.0**-40  # about 1e-12: far above float64 rounding of a velocity, far 
 # An estimate is good to about 1e-14 times the condition of P, so one of the first factors passes; halving
 # covers matrices so near singular that the estimate is noise.
 SHRINKS = (1 - 2.0**-40, 1 - 2.0**-30, 1 - 2.0**-20, 1 - 2.0**-10, *(2.0**-n for n in range(1, 80)))
+FLOAT64 = np.finfo(np.float64)
 
 
 def certify_part(number: int, part: SedsSkill | MergedSkill, speed: float) -> PartCertificate:
@@ -50,7 +51,7 @@ def certify_part(number: int, part: SedsSkill | MergedSkill, speed: float) -> Pa
     )
     period = _largest_proved(
         float(periods.min()),
-        1 / size,
+        1 / size if size > 0 else float(FLOAT64.max),
         lambda t: all(steps_contract(lyapunov, matrix, t) for matrix in matrices),
     )
     return PartCertificate(number, positive, components, rate, period)
@@ -78,15 +79,18 @@ def _estimates(part: SedsSkill | MergedSkill, speed: float) -> tuple[FloatArray,
 
 
 def _largest_proved(estimate: float, fallback: float, passes: Callable[[Dyadic], bool]) -> float | None:
-    """Return the first value at or below the estimate that passes the exact test.
+    """Return the first value at or below the estimate that passes the exact test; None below float64's range.
 
     Args:
         estimate: In floating point; not trusted.
         fallback: Where to start if the estimate is not a positive number.
         passes: Exact test; what it accepts it accepts for all smaller values too.
     """
-    start = estimate if estimate > 0 else fallback
+    start = min(estimate if estimate > 0 else fallback, float(FLOAT64.max))
     for shrink in SHRINKS:
-        if passes(Dyadic.of(start * shrink)):
-            return start * shrink
+        value = start * shrink
+        if value < FLOAT64.tiny:
+            return None
+        if passes(Dyadic.of(value)):
+            return value
     return None

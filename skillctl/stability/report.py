@@ -53,7 +53,8 @@ class PartCertificate:
     proved: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        proved = self.lyapunov_proved and all(component.proved for component in self.components)
+        numbers = self.rate is not None and self.period is not None
+        proved = numbers and self.lyapunov_proved and all(component.proved for component in self.components)
         object.__setattr__(self, "proved", proved)
 
     @property
@@ -68,6 +69,8 @@ class PartCertificate:
                     f"{name}leaf {c.leaf}, component {c.component}: P A + Aᵀ P is not negative definite "
                     f"(decay rate {rate})."
                 )
+        if not (self.proved or reasons):
+            reasons.append(name + "its decay rate or period is beyond the range of float64.")
         return tuple(reasons)
 
 

@@ -85,8 +85,10 @@ def _starts(skill: Skill, seed: int) -> FloatArray:
 def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
     """Return a step that resolves the fastest component and that each proved part contracts at."""
     outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
-    fastest = max(float(np.linalg.norm(p.component_matrices, 2, axis=(1, 2)).max()) for p in _parts_of(skill))
-    return min([0.25 / (outer * fastest)] + [0.5 * p.period for p in parts if p.period is not None])
+    norms = [np.linalg.norm(part.component_matrices, 2, axis=(1, 2)).max() for part in _parts_of(skill)]
+    fastest = outer * float(max(norms))
+    resolved = 0.25 / fastest if fastest > np.finfo(np.float64).tiny else 1.0  # if nothing moves, any will do
+    return min([resolved] + [0.5 * p.period for p in parts if p.period is not None])
 
 
 def _arrival_bound(skill: Skill, parts: tuple[PartCertificate, ...], starts: FloatArray) -> float:

@@ -156,6 +156,10 @@ def test_factors_reach_the_leaves_of_merged_parts(parts):
     ratios = after / before
     assert np.abs(ratios - ratios[:, :1, :1]).max() <= 16 * EPS * np.abs(ratios).max()  # one factor each
     assert (ratios > 0).all()
+    residuals = [leaf.residual_covariances for leaf in fitted.skill.leaves]
+    given = [leaf.residual_covariances for leaf in nested.leaves]
+    spread = np.concatenate(residuals) / np.concatenate(given)  # of a velocity: with the factor squared
+    assert np.abs(spread - ratios[:, :1, :1] ** 2).max() <= 64 * EPS * np.square(ratios).max()
     starts = np.array(STARTS)
     assert rollout(fitted.skill, starts, duration=200.0, period=0.002).arrived.all()
 

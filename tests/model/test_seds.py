@@ -148,6 +148,7 @@ def test_its_arrays_are_read_only(make_skill):
         ({"attractor": [0.0, np.nan]}, "attractor: must be finite"),
         ({"speed": 0.0}, "speed: must be a positive number"),
         ({"speed": np.inf}, "speed: must be a positive number"),
+        ({"speed": 1e308}, "speed: 1e[+]308 times the system matrices is beyond float64"),
         ({"space": StateSpace.cartesian(3)}, "space"),
         ({"density": GaussianMixture([1.0], [[0.0]], [[[1.0]]])}, "density"),
     ],

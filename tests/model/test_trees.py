@@ -120,6 +120,7 @@ def test_parts_of_a_merger_share_attractor_p_and_space(make_skill, parts):
         ({"sharpness": 0.5}, "sharpness: must be at least 1"),
         ({"sharpness": np.nan}, "sharpness: must be at least 1"),
         ({"speed": -1.0}, "speed: must be a positive number"),
+        ({"speed": 1e308}, "beyond float64"),
         ({"parts": ()}, "parts: at least one is needed"),
     ],
 )
@@ -189,6 +190,7 @@ def test_a_combined_skill_is_no_part(combined):
         ({"gate": "sometimes"}, "gate: one of latched, instantaneous"),
         ({"disturbance_distance": 0.0}, "disturbance_distance: must be a positive number"),
         ({"speed": np.nan}, "speed: must be a positive number"),
+        ({"speed": 1e308}, "beyond float64"),
     ],
 )
 def test_a_combination_is_valid_or_does_not_exist(combined, options, words):
