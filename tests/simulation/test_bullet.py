@@ -65,7 +65,7 @@ def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -
         "pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only"
     )
     code = """
-import sys
+import ctypes
 from skillctl.simulation import SimulationOptions, simulate
 from skillctl.simulation.bullet import load_bullet, silenced
 from tests_skill import skill
@@ -75,10 +75,11 @@ bullet = load_bullet()
 with silenced(1):
     client = bullet.connect(bullet.DIRECT)
     try:
-        bullet.loadURDF("absent.urdf", physicsClientId=client)  # complains in C
+        bullet.loadURDF("absent.urdf", physicsClientId=client)
     except bullet.error:
         pass
     bullet.disconnect(client)
+    ctypes.CDLL(None).puts(b"from C")
 print("last")
 """
     skill = linear((0.5, 0.0, 0.5))  # type: ignore[operator]
