@@ -31,7 +31,7 @@ class SimulationOptions:
         origin: Workspace position of the skill's zero, [m]. None: 0 for a 3-D skill; a 2-D skill is
             centred in front of the arm.
         hand: Orientation of the hand (see ``Kinematics``). None: the first of horizontal, down and free
-            (in the xy plane down, horizontal, free) in which the arm can follow the whole plan.
+            (in the xy plane down, horizontal, free) with which the arm can follow the whole plan within 1 mm.
         base_yaw: How far the arm's base is turned about the vertical, [rad]. None: to the multiple of a
             quarter turn that faces the target.
         max_speed, max_acceleration: Of the hand, [m/s] and [m/s²].

@@ -19,6 +19,7 @@ from skillctl.simulation.placement import Placement, placements
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
 TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
+REHEARSAL_RESIDUAL = 1e-3  # [m]: well within what is accepted on the way, so that tracking stays good
 REHEARSAL_STRIDE = 8  # control periods: at most 1 cm at the default speed
 
 
@@ -107,10 +108,10 @@ def _required(name: str, point: FloatArray, found: Solution, options: Simulation
 
 
 def _followable(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> bool:
-    """Whether neighbouring joints exist all along the plan (n, 3), without dynamics."""
+    """Whether neighbouring joints exist all along the plan, without dynamics."""
     for point in [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]:
         solution = kinematics.follow(point, joints)
-        if not solution.accepted:
+        if not (solution.accepted and solution.residual < REHEARSAL_RESIDUAL):
             return False
         joints = solution.joints
     return True
