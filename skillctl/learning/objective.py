@@ -153,9 +153,9 @@ class LearningObjective:
 def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, FloatArray]:
     """Return the demonstrations and displaced copies of them, with the weight of each, summing to one.
 
-    A copy starts beside the demonstration and closes in on it as the share of path left. Without such
-    copies a fit may hold its trajectories on a knife's edge: right from the recorded start, lost from a
-    millimetre beside it.
+    A copy starts behind and beside the demonstration, on either side, and closes in on it as the share of
+    path left. (Ahead of a start the demonstration itself shows the way.) Without such copies a fit may
+    hold its trajectories on a knife's edge: right from the recorded start, lost a millimetre beside it.
 
     Args:
         paths: Demonstrations, shape (D, T, d).
@@ -164,17 +164,15 @@ def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, Fl
     count, _, d = paths.shape
     if weights.displacement == 0:
         return paths, np.full(count, 1 / count)
-    # Across the motion, a different direction for each demonstration; along it where there is no across.
     initial = paths[:, paths.shape[1] // 10] - paths[:, 0]
     initial /= np.maximum(np.linalg.norm(initial, axis=1, keepdims=True), 1e-12)
     across = np.random.default_rng(0).standard_normal((count, d))
-    if d > 1:
-        across -= (across * initial).sum(axis=1, keepdims=True) * initial
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across -= (across * initial).sum(axis=1, keepdims=True) * initial
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     left = (1.0 - _phases(paths))[..., None]
-    shift = weights.displacement * across[:, None] * left
     share = weights.displaced_share
-    copies = np.concatenate([paths, paths + shift, paths - shift])
+    shifts = [weights.displacement * (sign * across - initial)[:, None] * left for sign in (1.0, -1.0)]
+    copies = np.concatenate([paths, *(paths + shift for shift in shifts)])
     return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
 
 
