@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
@@ -112,12 +113,13 @@ class CommandGroup(TyperGroup):
         sys.exit(self._run(arguments))
 
     def _run(self, arguments: list[str]) -> int:
-        output = Output.for_arguments(arguments)
+        output, began = Output.for_arguments(arguments), time.monotonic()
         try:
             status = self._outcome(arguments, output)
             output.flush()
         except (Exception, KeyboardInterrupt) as error:
             return output.fail(error)
+        output.detail(f"done in {time.monotonic() - began:.2f} s, exit code {int(status)}")
         return status
 
     def _outcome(self, arguments: list[str], output: Output) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -61,9 +62,15 @@ class Output:
 
     @contextmanager
     def progress(self, label: str) -> Iterator[Callable[[str, int, int], None] | None]:
-        """Yield a function (stage, done, total) that moves a progress bar; None where no bar can be shown."""
-        if self.quiet or self.as_json or not is_terminal(sys.stderr):
+        """Yield a function (stage, done, total) that moves a progress bar; None where none can be shown.
+
+        Whoever asked for more words gets a line per stage instead.
+        """
+        if self.quiet or self.as_json or not (self.verbose or is_terminal(sys.stderr)):
             yield None
+            return
+        if self.verbose:
+            yield self._stages(label)
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -76,6 +83,17 @@ class Output:
                 bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
 
             yield update
+
+    def _stages(self, label: str) -> Callable[[str, int, int], None]:
+        began, last = time.monotonic(), ""
+
+        def say_new_stage(stage: str, done: int, total: int) -> None:
+            nonlocal last
+            if stage != last:
+                last = stage
+                self.note(f"{label}: {stage}, after {time.monotonic() - began:.2f} s")
+
+        return say_new_stage
 
     def fail(self, error: BaseException) -> int:
         """Tell about an error and return the exit code."""

@@ -95,8 +95,8 @@ def _lines_of(block: Block) -> str:
     if isinstance(block, Lines):
         return "".join(f"{printable(line)}\n" for line in _indented(block))
     if isinstance(block, Facts):
-        width = max((len(name) for name, _ in block.items), default=0)
-        lines = [f"{name:<{width}}  {printable(value)}" for name, value in block.items]
+        width = max((len(printable(name)) for name, _ in block.items), default=0)
+        lines = [f"{printable(name):<{width}}  {printable(value)}" for name, value in block.items]
     else:
         lines = _aligned((block.headings, *block.rows), _right_aligned(block))
     return "".join(f"{line.rstrip()}\n" for line in lines)
@@ -161,11 +161,11 @@ def _rich_table(block: Table | Facts) -> Any:
     if isinstance(block, Facts):
         grid = RichTable.grid(padding=(0, 2))
         for name, value in block.items:
-            grid.add_row(Text(name, style="dim"), cell(value))
+            grid.add_row(Text(printable(name), style="dim"), cell(value))
         return grid
     table = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading, right in zip(block.headings, _right_aligned(block), strict=True):
-        table.add_column(heading, justify="right" if right else "left", overflow="fold")
+        table.add_column(Text(printable(heading)), justify="right" if right else "left", overflow="fold")
     for row in block.rows:
         table.add_row(*map(cell, row))
     return table

@@ -1,0 +1,72 @@
+"""Options that are written on one line, and the choices that the rooms define."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+import typer
+
+from skillctl.cli import options
+from skillctl.demonstrations import FORMATS
+from skillctl.demonstrations.recording import Unit
+from skillctl.learning import METRICS, OBJECTIVES, PRESETS
+from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
+from skillctl.simulation import ARMS, HANDS, PLANES
+
+
+@pytest.mark.parametrize(
+    ("spelt", "defined"),
+    [
+        (options.InputFormat, FORMATS),
+        (options.Units, get_args(Unit)),
+        (options.Objective, OBJECTIVES),
+        (options.Metric, METRICS),
+        (options.Preset, PRESETS),
+        (options.MergeGate, MERGE_GATES),
+        (options.CombineGate, COMBINE_GATES),
+        (options.Arm, tuple(ARMS)),
+        (options.Plane, PLANES),
+        (options.Hand, HANDS),
+    ],
+)
+def test_the_choices_are_those_of_the_rooms(spelt, defined):
+    assert set(get_args(spelt)) == set(defined)
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "value"),
+    [
+        (options.read_numbers, "1,-2.5, 3e-1", (1.0, -2.5, 0.3)),
+        (options.read_numbers, "7", (7.0,)),
+        (options.read_words, "hand_x, hand_y", ("hand_x", "hand_y")),
+        (options.read_indices, "0,2,5-7", (0, 2, 5, 6, 7)),
+        (options.read_indices, "3-3", (3,)),
+        (options.read_components, "auto", "auto"),
+        (options.read_components, "4", 4),
+        (options.read_start, "home", None),
+        (options.read_start, "0,1", (0.0, 1.0)),
+    ],
+)
+def test_lists_are_read(read, text, value):
+    assert read(text) == value
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (options.read_numbers, ""),
+        (options.read_numbers, "1,,2"),
+        (options.read_numbers, "1;2"),
+        (options.read_words, "x,"),
+        (options.read_indices, "-1"),
+        (options.read_indices, "3-1"),
+        (options.read_indices, "a"),
+        (options.read_indices, "1-2-3"),
+        (options.read_components, "some"),
+        (options.read_start, "here"),
+    ],
+)
+def test_what_is_no_list_is_refused(read, text):
+    with pytest.raises(typer.BadParameter):
+        read(text)
