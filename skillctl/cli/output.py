@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import textwrap
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -53,7 +55,7 @@ class Output:
     def note(self, text: str) -> None:
         """Say something that is not the result."""
         if not (self.quiet or self.as_json):
-            _to_stderr(printable(text))
+            _to_stderr(_wrapped(printable(text)))
 
     def detail(self, text: str) -> None:
         """Say something that only those want to know who asked for it."""
@@ -117,8 +119,11 @@ class Output:
             self._tell(Failure(worst, f"{len(failures)} of {attempts} skills could not be read."))
 
     def _tell(self, failure: Failure) -> None:
+        if self.as_json:
+            _to_stderr(render.to_json(failure))
+            return
         hint = f"\nhint: {failure.hint}" if failure.hint else ""
-        _to_stderr(render.to_json(failure) if self.as_json else f"error: {failure.message}{hint}")
+        _to_stderr(_wrapped(f"error: {failure.message}{hint}"))
 
     def flush(self) -> None:
         """Make sure that what was printed has arrived: a full disk must not look like success."""
@@ -149,6 +154,19 @@ def is_terminal(stream: TextIO | None) -> bool:
 def allows_colour() -> bool:
     """Return whether the user wants colours (https://no-color.org)."""
     return not os.environ.get("NO_COLOR")
+
+
+def _wrapped(text: str) -> str:
+    """Return text broken between words where standard error is a terminal, which breaks within them."""
+    if not is_terminal(sys.stderr):
+        return text
+    wrapper = textwrap.TextWrapper(
+        shutil.get_terminal_size().columns,
+        subsequent_indent="  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return "\n".join(map(wrapper.fill, text.split("\n")))
 
 
 def _to_stderr(text: str) -> None:

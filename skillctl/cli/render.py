@@ -93,17 +93,14 @@ def _lines_of(block: Block) -> str:
     if isinstance(block, str):
         return f"{printable(block)}\n"
     if isinstance(block, Lines):
-        return "".join(f"{printable(line)}\n" for line in _indented(block))
+        sentences = (f"  {printable(sentence)}\n" for sentence in block.sentences)
+        return "".join([f"{printable(block.title)}\n", *sentences])
     if isinstance(block, Facts):
         width = max((len(printable(name)) for name, _ in block.items), default=0)
         lines = [f"{printable(name):<{width}}  {printable(value)}" for name, value in block.items]
     else:
         lines = _aligned((block.headings, *block.rows), _right_aligned(block))
     return "".join(f"{line.rstrip()}\n" for line in lines)
-
-
-def _indented(block: Lines) -> list[str]:
-    return [block.title, *(f"  {sentence}" for sentence in block.sentences)]
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> list[str]:
@@ -139,15 +136,29 @@ def to_terminal(blocks: Sequence[Block], *, coloured: bool) -> str:
     from rich.console import Console
 
     console = Console(no_color=not coloured, highlight=False)
-    with console.capture() as captured:
-        for index, block in enumerate(blocks):
-            if index:
-                console.print()
-            if isinstance(block, str | Lines):
-                console.print(to_text([block]).rstrip("\n"), markup=False)
-            else:
-                console.print(_rich_table(block))
-    return captured.get()
+    shown = []
+    for block in blocks:
+        with console.capture() as captured:
+            console.print(_renderable(block))
+        lines = captured.get().split("\n")
+        shown.append(
+            "".join(f"{line.rstrip()}\n" for line in lines if line.strip())
+        )  # tables bring empty lines
+    return "\n".join(shown)
+
+
+def _renderable(block: Block) -> Any:
+    """Return what Rich prints for a block."""
+    from rich.console import Group
+    from rich.padding import Padding
+    from rich.text import Text
+
+    if isinstance(block, str):
+        return Text(printable(block))
+    if isinstance(block, Lines):
+        sentences = (Padding(Text(printable(sentence)), (0, 0, 0, 2)) for sentence in block.sentences)
+        return Group(Text(printable(block.title)), *sentences)
+    return _rich_table(block)
 
 
 def _rich_table(block: Table | Facts) -> Any:

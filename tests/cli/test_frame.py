@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
 
@@ -160,6 +161,24 @@ def test_debug_shows_the_traceback_of_a_bug(broken):
 def test_ctrl_c_exits_130(broken):
     result = broken(KeyboardInterrupt())
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "error: interrupted.\n")
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_run_says_so_and_leaves_nothing_behind(tmp_path, curve_files, sent, code):
+    command = [sys.executable, "-m", "skillctl", "learn", *map(str, curve_files), "-o", "a.h5", "-v"]
+    with subprocess.Popen(
+        [*command, "--preset", "quality", "--components", "auto"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stderr.readline().startswith("learning: ")  # it is in the middle of it
+        process.send_signal(sent)
+        printed, said = process.communicate(timeout=30)
+    assert (process.returncode, printed) == (code, "")
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_under_standard_output_is_not_success(shell):
