@@ -65,9 +65,7 @@ def _step(objective: LearningObjective, state: State) -> bool:
     matrices = field.matrices
     k, d, _ = matrices.shape
     weight = state.barrier_weight
-    jacobian = objective.jacobian(state.evaluation)
-    normal = jacobian.T @ jacobian
-    slope = jacobian.T @ state.evaluation.residuals
+    normal, slope = objective.normal_equations(state.evaluation)
     barrier_slope, barrier_hessian = barrier.derivatives(matrices)
     size = d * d
     slope[: k * size] += weight * barrier_slope.ravel()

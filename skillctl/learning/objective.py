@@ -107,20 +107,20 @@ class LearningObjective:
         rollout = (matching.scales[:, None] * matching.errors).ravel()
         return Evaluation(field, cost + matching.cost, np.append(velocity, rollout), matching)
 
-    def jacobian(self, evaluation: Evaluation) -> FloatArray:
-        """Return ∂residual/∂θ with the matching held fixed. Shape (residuals, parameters)."""
+    def normal_equations(self, evaluation: Evaluation) -> tuple[FloatArray, FloatArray]:
+        """Return JᵀJ and Jᵀr with the matching held fixed. Shapes (p, p) and (p,)."""
         field, matching = evaluation.field, evaluation.matching
         p = field.n_parameters
-        velocity = np.asarray(self.velocity_weight * field.linearised(self.positions)[2].reshape(-1, p))
-        if matching is None:
-            return velocity
-        table = rollout_sensitivities(field, matching.states, matching.predicted, self.steps)
-        table = table.reshape(-1, self.data.dimension, p)
-        first, second = matching.rows
-        own = (matching.scales * (1 - matching.shares))[:, None, None]
-        next_ = (matching.scales * matching.shares)[:, None, None]
-        rollout = own * table[first] + next_ * table[second]
-        return np.concatenate([velocity, rollout.reshape(-1, p)])
+        velocity = self.velocity_weight * field.linearised(self.positions)[2].reshape(-1, p)
+        normal = velocity.T @ velocity
+        slope = velocity.T @ evaluation.residuals[: len(velocity)]
+        if matching is not None:
+            table = rollout_sensitivities(field, matching.states, matching.predicted, self.steps)
+            table = table.reshape(-1, self.data.dimension, p)
+            weighted, pull = _gathered(matching, table)
+            normal += table.reshape(-1, p).T @ weighted.reshape(-1, p)
+            slope += pull.ravel() @ table.reshape(-1, p)
+        return normal, slope
 
     def _matched(self, field: Field) -> Matching:
         """Roll out from every demonstration's start and match both ways."""
@@ -148,6 +148,28 @@ class LearningObjective:
         cost = float(weights @ (root - 1.0)) * self.weights.robust**2
         scales = np.sqrt(weights / root)
         return Matching(states, predicted, rows.reshape(2, -1), shares, errors, scales, cost)
+
+
+def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return M S and the residuals summed per row of the table S of sensitivities.
+
+    A residual that depends on rows a and b with shares 1 − t and t adds its weight times (1 − t)², t² and
+    t(1 − t) to M. So JᵀJ = Sᵀ M S without ever writing out J, which has twice the rows.
+    """
+    first, second = matching.rows
+    count, share, weight = len(table), matching.shares, matching.scales**2
+    own = np.bincount(first, weight * (1 - share) ** 2, count) + np.bincount(second, weight * share**2, count)
+    lag = matching.states.shape[2]  # row b follows row a by one step of every trajectory
+    crossed = np.bincount(first, weight * share * (1 - share) * (first != second), count)[:-lag, None, None]
+    weighted = own[:, None, None] * table
+    weighted[:-lag] += crossed * table[lag:]
+    weighted[lag:] += crossed * table[:-lag]
+    pulls = weight[:, None] * matching.errors
+    columns = [
+        np.bincount(first, (1 - share) * column, count) + np.bincount(second, share * column, count)
+        for column in pulls.T
+    ]
+    return weighted, np.stack(columns, axis=1)
 
 
 def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, FloatArray]:

@@ -34,9 +34,9 @@ class Effort:
 
 
 EFFORTS: dict[Preset, Effort] = {
-    "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=40),
-    "default": Effort(starts=3, probe_steps=8, polish_steps=30, samples=50),
-    "quality": Effort(starts=6, probe_steps=12, polish_steps=80, samples=60),
+    "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=30),
+    "default": Effort(starts=3, probe_steps=8, polish_steps=30, samples=30),
+    "quality": Effort(starts=5, probe_steps=12, polish_steps=60, samples=40),
 }
 
 
