@@ -116,7 +116,8 @@ class Output:
                 self._tell(failure)
         elif failures:
             worst = max(failure.code for failure in failures)
-            self._tell(Failure(worst, f"{len(failures)} of {attempts} skills could not be read."))
+            summary = f"{len(failures)} of {attempts} skills could not be read."
+            self._tell(Failure(worst, summary, "The document on standard output says which, and why."))
 
     def _tell(self, failure: Failure) -> None:
         if self.as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -98,7 +99,7 @@ def quickstart(
     directory.mkdir(parents=True, exist_ok=True)
     with _working_in(directory):
         session = _Session(announce, progress)
-        session.say("cd", str(directory))
+        session.say("cd", shlex.quote(str(directory)))
         _write_demonstrations()
         session.make_skills()
         session.verify_all()
