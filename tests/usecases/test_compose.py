@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -156,7 +158,7 @@ def test_handwriting_merges_and_combines_into_proved_skills(lasa, tmp_path):
 
 def test_joint_mixture_regresses_to_the_skill(library):
     source = open_skill("curve", library)
-    skill = source.skill
+    skill = replace(source.skill, speed=1.7)
     joint = joint_mixture(skill)
     states = source.artifact.demonstrations[0].demonstrations[1].positions  # elsewhere densities underflow
     # Gaussian mixture regression, written out from the conditional of a Gaussian (Eq. 3 and 4).
@@ -169,6 +171,9 @@ def test_joint_mixture_regresses_to_the_skill(library):
         offset = states - mean[:2]
         gain = cross @ np.linalg.inv(position)
         conditional[:, k] = mean[2:] + offset @ gain.T
+        left = covariance[2:, 2:] - gain @ cross.T  # what remains of the velocity's spread: C, at this speed
+        scale = np.abs(covariance[2:, 2:]).max()
+        assert np.allclose(left, 1.7**2 * skill.residual_covariances[k], rtol=0, atol=1e-9 * scale)
         exponent = -0.5 * np.einsum("ni,ij,nj->n", offset, np.linalg.inv(position), offset)
         weights[:, k] = prior * np.exp(exponent) / np.sqrt(np.linalg.det(2 * np.pi * position))
     weights /= weights.sum(axis=1, keepdims=True)
