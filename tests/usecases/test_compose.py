@@ -43,7 +43,7 @@ def shear(strength: float, upper: bool) -> SedsSkill:
 @pytest.fixture
 def conflict(tmp_path, library):
     """Two skills without a common P (their mean matrix is unstable), carrying demonstrations."""
-    skills = {"upper": shear(10, upper=True), "lower": shear(10, upper=False)}
+    skills = {"upper": replace(shear(10, upper=True), speed=0.5), "lower": shear(10, upper=False)}
     mean = np.mean([skill.system_matrices[0] for skill in skills.values()], axis=0)
     assert np.linalg.eigvals(mean).real.max() > 0
     for name, skill in skills.items():
@@ -61,6 +61,7 @@ def test_parts_without_a_common_proof_are_refitted_and_the_cost_is_told(conflict
     assert [refit.leaf for refit in report.refits] == [1, 2]
     assert all(refit.dtw_after < refit.dtw_before for refit in report.refits)  # shear never was this motion
     assert verify(tmp_path / "m.h5").verdict == "stable"
+    assert [leaf.speed for leaf in load(tmp_path / "m.h5").leaves] == [0.5, 1.0]
     results = read_skill(tmp_path / "m.h5").operation.results
     assert results["dtw_after"] == tuple(refit.dtw_after for refit in report.refits)
 
@@ -157,7 +158,7 @@ def test_handwriting_merges_and_combines_into_proved_skills(lasa, tmp_path):
 
 
 def test_joint_mixture_regresses_to_the_skill(library):
-    source = open_skill("curve", library)
+    source = open_skill("hook", library)
     skill = replace(source.skill, speed=1.7)
     joint = joint_mixture(skill)
     states = source.artifact.demonstrations[0].demonstrations[1].positions  # elsewhere densities underflow
