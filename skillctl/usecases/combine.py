@@ -13,14 +13,14 @@ from skillctl.errors import FitError
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
 from skillctl.stability import Certificate, Scope, Verdict, certify
-from skillctl.store import Artifact, Operation, current_provenance
-from skillctl.usecases.destination import Destination
+from skillctl.store import Operation
+from skillctl.usecases.destination import Destination, Written
+from skillctl.usecases.files import Source
 from skillctl.usecases.parts import (
     PartSummary,
-    carried_demonstrations,
     carried_reports,
+    child_artifact,
     open_parts,
-    parents_of,
     summaries,
 )
 from skillctl.usecases.proof import require_stable
@@ -122,41 +122,13 @@ def combine(
         require_stable(certificate)
     else:
         _require_proved_parts(certificate)
-    leaves = [leaf for parent in parents for leaf in parent.leaves]
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    demonstrations = carried_demonstrations(leaves, taught, combined)
-    coverage = compose.coverage(combined, demonstrations)
-    artifact = Artifact(
-        skill=combined,
-        demonstrations=demonstrations,
-        operation=Operation(
-            command="combine",
-            options=asdict(options),
-            results={"kept": tuple(part.kept for part in coverage)},
-        ),
-        provenance=current_provenance(parents=parents_of(sources)),
-        reports=tuple(carried_reports(sources)),
+    coverage = compose.coverage(combined, taught)
+    operation = Operation(
+        command="combine", options=asdict(options), results={"kept": tuple(part.kept for part in coverage)}
     )
-    written = destination.write(artifact)
-    return CombineReport(
-        skill=written.skill,
-        path=written.path,
-        digest=written.digest,
-        created=written.created,
-        parts=summaries(sources, _shares(parents, combined)),
-        gate=combined.gate,
-        aligned=combined.aligned,
-        attractors=tuple(map(tuple, combined.attractors.tolist())),
-        unit=combined.space.unit,
-        disturbance_distance=combined.disturbance_distance,
-        coverage=coverage,
-        verdict=certificate.verdict,
-        scope=certificate.scope,
-        rate=certificate.rate,
-        period=certificate.period,
-        not_guaranteed=(*certificate.failures, *certificate.evidence),
-        notes=compose.notes_on(parents),
-    )
+    written = destination.write(child_artifact(combined, sources, operation, carried_reports(sources)))
+    return _report(written, sources, combined, coverage, certificate)
 
 
 def _provable(parents: Sequence[Skill], options: CombineOptions) -> CombinedSkill:
@@ -188,3 +160,32 @@ def _shares(parents: Sequence[Skill], combined: CombinedSkill) -> list[float]:
     priors = iter(combined.part_priors.tolist())
     counts = [len(parent.parts) if isinstance(parent, CombinedSkill) else 1 for parent in parents]
     return [sum(next(priors) for _ in range(count)) for count in counts]
+
+
+def _report(
+    written: Written,
+    sources: Sequence[Source],
+    combined: CombinedSkill,
+    coverage: tuple[PartCoverage, ...],
+    certificate: Certificate,
+) -> CombineReport:
+    parents = [source.skill for source in sources]
+    return CombineReport(
+        skill=written.skill,
+        path=written.path,
+        digest=written.digest,
+        created=written.created,
+        parts=summaries(sources, _shares(parents, combined)),
+        gate=combined.gate,
+        aligned=combined.aligned,
+        attractors=tuple(map(tuple, combined.attractors.tolist())),
+        unit=combined.space.unit,
+        disturbance_distance=combined.disturbance_distance,
+        coverage=coverage,
+        verdict=certificate.verdict,
+        scope=certificate.scope,
+        rate=certificate.rate,
+        period=certificate.period,
+        not_guaranteed=(*certificate.failures, *certificate.evidence),
+        notes=compose.notes_on(parents),
+    )

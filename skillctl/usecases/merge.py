@@ -14,16 +14,15 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import FitError
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
-from skillctl.stability import certify
-from skillctl.store import Artifact, DemonstrationReport, Operation, current_provenance
-from skillctl.usecases.destination import Destination
+from skillctl.stability import Certificate, certify
+from skillctl.store import DemonstrationReport, Operation
+from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.files import Source
 from skillctl.usecases.parts import (
     PartSummary,
-    carried_demonstrations,
     carried_reports,
+    child_artifact,
     open_parts,
-    parents_of,
     summaries,
 )
 from skillctl.usecases.progress import Progress
@@ -127,33 +126,9 @@ def merge(
         attempt, reports = _refitted(sources, options, refit, progress)
     certificate = certify(attempt.skill)
     require_stable(certificate)
-    leaves = [leaf for parent in parents for leaf in parent.leaves]
-    taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    artifact = Artifact(
-        skill=attempt.skill,
-        demonstrations=carried_demonstrations(leaves, taught, attempt.skill),
-        operation=_operation(options, refit, attempt),
-        provenance=current_provenance(parents=parents_of(sources)),
-        reports=tuple(reports),
-    )
-    written = destination.write(artifact)
-    return MergeReport(
-        skill=written.skill,
-        path=written.path,
-        digest=written.digest,
-        created=written.created,
-        parts=summaries(sources, attempt.skill.part_weights.tolist()),
-        gate=options.gate,
-        sharpness=options.sharpness,
-        speed=options.speed,
-        attractor=tuple(attempt.skill.attractor.tolist()),
-        unit=attempt.skill.space.unit,
-        lyapunov=attempt.lyapunov,
-        refits=attempt.refits,
-        rate=certificate.rate,
-        period=certificate.period,
-        notes=compose.notes_on(parents),
-    )
+    operation = _operation(options, refit, attempt)
+    written = destination.write(child_artifact(attempt.skill, sources, operation, reports))
+    return _report(written, sources, options, attempt, certificate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +171,29 @@ def _operation(options: MergeOptions, refit: bool, attempt: _Attempt) -> Operati
         results["dtw_before"] = tuple(refit.dtw_before for refit in attempt.refits)
         results["dtw_after"] = tuple(refit.dtw_after for refit in attempt.refits)
     return Operation(command="merge", options={**asdict(options), "refit": refit}, results=results)
+
+
+def _report(
+    written: Written,
+    sources: Sequence[Source],
+    options: MergeOptions,
+    attempt: _Attempt,
+    certificate: Certificate,
+) -> MergeReport:
+    return MergeReport(
+        skill=written.skill,
+        path=written.path,
+        digest=written.digest,
+        created=written.created,
+        parts=summaries(sources, attempt.skill.part_weights.tolist()),
+        gate=options.gate,
+        sharpness=options.sharpness,
+        speed=options.speed,
+        attractor=tuple(attempt.skill.attractor.tolist()),
+        unit=attempt.skill.space.unit,
+        lyapunov=attempt.lyapunov,
+        refits=attempt.refits,
+        rate=certificate.rate,
+        period=certificate.period,
+        notes=compose.notes_on([source.skill for source in sources]),
+    )

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.model import DemonstrationSet, SedsSkill, Skill
-from skillctl.store import DemonstrationReport, ParentRecord
+from skillctl.model import Skill
+from skillctl.store import Artifact, DemonstrationReport, Operation, current_provenance
 from skillctl.usecases.files import Source, open_skill
 
 
@@ -32,11 +32,6 @@ def open_parts(references: Sequence[str | Path], store: Path | None) -> list[Sou
     return [open_skill(reference, store) for reference in references]
 
 
-def parents_of(sources: Sequence[Source]) -> list[ParentRecord]:
-    """Return what the child records about its parents."""
-    return [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
-
-
 def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartSummary, ...]:
     """Return one summary per parent."""
     return tuple(
@@ -45,20 +40,28 @@ def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartS
     )
 
 
-def carried_demonstrations(
-    leaves: Sequence[SedsSkill], taught: Sequence[DemonstrationSet | None], child: Skill
-) -> tuple[DemonstrationSet | None, ...]:
-    """Return the demonstrations of the leaves, moved as their leaf moved on its way into the child.
+def child_artifact(
+    child: Skill, sources: Sequence[Source], operation: Operation, reports: Sequence[DemonstrationReport]
+) -> Artifact:
+    """Return the artifact of a skill made from others.
+
+    Each leaf takes its demonstrations with it, moved as the leaf was moved on its way into the child.
 
     Args:
-        leaves: Of all parents, from left to right.
-        taught: One set per leaf.
-        child: The skill made from them; its leaves are the same in the same order.
+        child: Its leaves are those of the parents, in the same order.
+        sources: The parents.
+        operation: What made it.
+        reports: On the demonstrations.
     """
-    return tuple(
+    leaves = [leaf for source in sources for leaf in source.skill.leaves]
+    taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    demonstrations = tuple(
         None if motions is None else motions.translated(moved.attractor - leaf.attractor)
         for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
     )
+    parents = [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
+    provenance = current_provenance(parents=parents)
+    return Artifact(child, demonstrations, operation, provenance, tuple(reports))
 
 
 def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from skillctl import simulation
 from skillctl.errors import UsageError
 from skillctl.model.skill import attractors_of
-from skillctl.simulation import Metrics, Outcome, SimulationOptions
+from skillctl.simulation import Episode, Metrics, Outcome, SimulationOptions
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
@@ -96,6 +96,10 @@ def simulate(
         if progress is not None:
             progress("drawing", 0, 1)
         simulation.write_picture(episode, picture, title=source.name)
+    return _report(source, episode, log, picture)
+
+
+def _report(source: Source, episode: Episode, log: Path | None, picture: Path | None) -> SimulateReport:
     placement = episode.placement
     return SimulateReport(
         skill=source.name,
