@@ -14,6 +14,7 @@ import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray
 
+CLEARANCE = 0.99  # share of the way from −I to the wall at which Newton's method may start
 DONE = 1e-3  # Newton decrement, in units of the barrier's weight, at which a level of the path is left
 
 
@@ -76,9 +77,10 @@ class StabilityBarrier:
 
 
 def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier) -> FloatArray:
-    """Return the matrices, each moved towards −I until it is inside the barrier.
+    """Return the matrices, each moved towards −I until it is clearly inside the barrier.
 
-    The set is convex and holds −I (in the learner's units), so some share of the way always is inside.
+    The set is convex and holds −I (in the learner's units), so some share of the way always is inside,
+    and a little less of it is so by a margin that Newton's method can start from.
     """
     centre = -np.eye(matrices.shape[-1])
     share = np.ones(matrices.shape[:-2])
@@ -87,7 +89,7 @@ def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier) -> FloatArr
         if inside.all():
             break
         share = np.where(inside, share, 0.8 * share)
-    share = np.where(share < 1, 0.9 * share, share)
+    share = CLEARANCE * share
     return np.asarray(centre + share[..., None, None] * (matrices - centre))
 
 

@@ -15,6 +15,7 @@ from skillctl.learning.barrier import StabilityBarrier, constrained_regression
 
 POSITION_FLOOR = 1e-4  # smallest variance of a component, in squared rms distances: 1 % of the rms distance
 VELOCITY_FLOOR = 1e-4  # likewise in squared rms speeds
+TRACE = 1e-6  # share of each point that is spread over all components
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,20 +64,25 @@ def log_likelihood(mixture: JointMixture, positions: FloatArray, velocities: Flo
 
 
 def expectation(logs: FloatArray) -> FloatArray:
-    """Return responsibilities (N, K) from log joint densities (N, K)."""
+    """Return responsibilities (N, K) from log joint densities (N, K).
+
+    Every component keeps a trace of every point, so that one that has lost all its points becomes a copy
+    of the whole instead of a division by zero.
+    """
     weights = np.exp(logs - logs.max(axis=1, keepdims=True))
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+    shares = weights / weights.sum(axis=1, keepdims=True)
+    return np.asarray((1 - TRACE) * shares + TRACE / logs.shape[1])
 
 
 def position_moments(
     responsibilities: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the priors, means and covariances that maximise the expected log-likelihood of positions."""
-    mass = responsibilities.sum(axis=0) + 1e-9
+    mass = responsibilities.sum(axis=0)
     priors = mass / mass.sum()
     means = responsibilities.T @ positions / mass[:, None]
     deviations = positions[:, None] - means
-    covariances = _weighted_covariance(responsibilities, deviations, mass, POSITION_FLOOR)
+    covariances = _weighted_covariance(responsibilities / mass, deviations, POSITION_FLOOR)
     return priors, means, covariances
 
 
@@ -90,8 +96,9 @@ def maximisation(
     """Return the mixture that maximises the expected log-likelihood, every A_k stable."""
     k, d = responsibilities.shape[1], positions.shape[1]
     priors, means, covariances = position_moments(responsibilities, positions)
-    weighted = responsibilities.T[:, :, None] * positions  # (K, N, d)
-    gram = weighted.swapaxes(1, 2) @ positions + 1e-6 * np.eye(d)
+    shares = responsibilities / responsibilities.sum(axis=0)
+    weighted = shares.T[:, :, None] * positions  # (K, N, d)
+    gram = weighted.swapaxes(1, 2) @ positions + POSITION_FLOOR * np.eye(d)
     cross = velocities.T @ weighted
     precisions: FloatArray = np.tile(np.eye(d), (k, 1, 1))
     if previous is not None:
@@ -99,8 +106,7 @@ def maximisation(
     start = None if previous is None else previous.matrices
     matrices = constrained_regression(gram, cross, precisions, barrier, start=start, final_weight=1e-4)
     residuals = velocities[:, None] - np.einsum("kij,nj->nki", matrices, positions)
-    mass = responsibilities.sum(axis=0) + 1e-9
-    residual_covariances = _weighted_covariance(responsibilities, residuals, mass, VELOCITY_FLOOR)
+    residual_covariances = _weighted_covariance(shares, residuals, VELOCITY_FLOOR)
     return JointMixture(priors, means, covariances, matrices, residual_covariances)
 
 
@@ -146,8 +152,6 @@ def position_em(
     return density.priors, density.means, density.covariances
 
 
-def _weighted_covariance(
-    weights: FloatArray, deviations: FloatArray, mass: FloatArray, floor: float
-) -> FloatArray:
-    moments = np.einsum("nk,nki,nkj->kij", weights, deviations, deviations) / mass[:, None, None]
+def _weighted_covariance(shares: FloatArray, deviations: FloatArray, floor: float) -> FloatArray:
+    moments = np.einsum("nk,nki,nkj->kij", shares, deviations, deviations)
     return np.asarray(0.5 * (moments + moments.swapaxes(1, 2)) + floor * np.eye(deviations.shape[-1]))

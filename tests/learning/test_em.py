@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from skillctl.learning.barrier import StabilityBarrier
-from skillctl.learning.em import constrained_em, expectation, log_likelihood, log_normal
+from skillctl.learning.em import constrained_em, expectation, log_likelihood, log_normal, maximisation
 from skillctl.learning.initialize import kmeans, partitions
 from skillctl.learning.preprocess import align, training_data
 from skillctl.model import DemonstrationSet
@@ -63,7 +63,20 @@ def test_a_noisy_linear_system_is_recovered() -> None:
 
 def test_expectation_is_bayes_rule_far_from_all_components() -> None:
     logs = np.array([[-1e5, -1e5 - np.log(3)], [0.0, -np.inf]])
-    np.testing.assert_allclose(expectation(logs), [[0.75, 0.25], [1.0, 0.0]], rtol=1e-9)
+    # A share of 1e-6 of every point is spread over all components, by definition.
+    np.testing.assert_allclose(expectation(logs), [[0.75, 0.25], [1.0, 0.0]], atol=1e-6)
+
+
+def test_a_component_that_has_lost_its_points_does_no_harm() -> None:
+    generator = np.random.default_rng(3)
+    positions = generator.standard_normal((100, 2))
+    velocities = -positions
+    logs = np.stack([np.zeros(100), np.full(100, -1e4)], axis=1)
+    barrier = StabilityBarrier(np.eye(2), 0.03)
+    mixture = maximisation(expectation(logs), positions, velocities, barrier)
+    mixture = maximisation(expectation(logs), positions, velocities, barrier, mixture)
+    # The gram matrix of 100 unit points carries a floor of 1e-4, and the barrier a weight of 1e-4.
+    np.testing.assert_allclose(mixture.matrices, np.tile(-np.eye(2), (2, 1, 1)), atol=1e-3)
 
 
 def test_kmeans_finds_separated_clusters() -> None:
