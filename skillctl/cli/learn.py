@@ -17,6 +17,7 @@ EXAMPLES = """\b
 Example:
   skillctl learn reach-*.csv --name reach
   skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
+  skillctl learn low_dim.hdf5 --demos 0-19 --name lift
   skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean"""
 
 LEARNING = "Learning"
@@ -27,7 +28,8 @@ def learn(
     data: Annotated[
         list[str],
         typer.Argument(
-            metavar="DATA...", help="Files with demonstrations: CSV, TSV, NPZ, LASA or LPV-DS .mat."
+            metavar="DATA...",
+            help="Files with demonstrations: CSV, TSV, TUM, NPZ, robomimic .hdf5, LASA or LPV-DS .mat.",
         ),
     ],
     output_file: options.OutputFile = None,
@@ -46,7 +48,8 @@ def learn(
         typer.Option(
             parser=options.read_words,
             metavar="X,Y,Z",
-            help="Columns that hold the position. Default: x, y, z, or all but the time.",
+            help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
+            "of a robomimic dataset. Default: x, y, z, or all but the time; robot0_eef_pos.",
             rich_help_panel=options.INPUT,
         ),
     ] = None,

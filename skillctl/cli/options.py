@@ -15,7 +15,7 @@ RESULT = "The result"
 T = TypeVar("T")
 
 # The choices of the rooms, spelt again because importing a room imports NumPy; a test holds them together.
-InputFormat: TypeAlias = Literal["csv", "npz", "lasa", "lpvds"]
+InputFormat: TypeAlias = Literal["csv", "tum", "npz", "robomimic", "lasa", "lpvds"]
 Units: TypeAlias = Literal["m", "mm", "rad"]
 Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
 Metric: TypeAlias = Literal["learned", "euclidean"]

@@ -17,6 +17,9 @@ GAP = 3.0  # a step this many times longer than the median is a gap
 JITTER = 0.5  # spread of the middle 90 % of steps, against their median
 LONG = 600.0  # [s]; one showing of a motion is shorter, unless times are not in seconds
 END_SPREAD = 0.1  # of the extent: ends further apart than this are worth a word
+SPIKE = 10.0  # a step this many times longer than the median one is a jump
+SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
+SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
 EXTENTS = (0.005, 10.0)  # [m]; motions of an arm are neither smaller nor larger
 
 
@@ -31,6 +34,8 @@ class Findings:
         gap_after: Place of the sample before the gap, in words.
         jitter: Spread of the steps against their median, 0 if even.
         duration: [s].
+        spikes: Jumps aside that are taken back within a few samples.
+        spike: Longest of these jumps, in the unit of the demonstration; ``spike_at`` says where it leads to.
         estimated_step: Sampling period where it had to be worked out from the velocities, else 0, [s].
     """
 
@@ -40,6 +45,9 @@ class Findings:
     gap_after: str
     jitter: float
     duration: float
+    spikes: int
+    spike: float
+    spike_at: str
     estimated_step: float
 
 
@@ -74,7 +82,7 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
     else:
         velocities = recording.velocities[rows] * scale / per_unit
         demonstration = Demonstration(started, moved, velocities, recording.source)
-    return demonstration, _findings(recording, times, rows, estimated)
+    return demonstration, _findings(recording, demonstration, rows, estimated)
 
 
 def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) -> list[str]:
@@ -95,6 +103,13 @@ def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) ->
         notes.append(
             f"{_some(uneven, total)} with uneven time steps; worst {worst.label}, where they spread by "
             f"{worst.jitter:.0%} of their median."
+        )
+    if spiky := [f for f in findings if f.spikes]:
+        worst = max(spiky, key=lambda f: f.spike)
+        notes.append(
+            f"{sum(f.spikes for f in spiky)} spikes in {_some(spiky, total)}, where positions jump aside and "
+            f"back; the largest, {worst.spike:.3g} {demonstrations.space.unit}, in {worst.label} at "
+            f"{worst.spike_at}."
         )
     if estimated := [f.estimated_step for f in findings if f.estimated_step]:
         notes.append(
@@ -184,16 +199,20 @@ def _require_increasing(recording: Recording, times: FloatArray, rows: IntArray)
     steps = np.diff(times)
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0)) + 1
-        what = "repeats the one before" if steps[at - 1] == 0 else f"follows {times[at - 1]:.10g} s"
+        what = "repeats the one before" if steps[at - 1] == 0 else f"follows {times[at - 1]:.15g} s"
         raise InputDataError(
-            f"{recording.label}, {recording.where(int(rows[at]))}: time stamp {times[at]:.10g} s {what}; "
+            f"{recording.label}, {recording.where(int(rows[at]))}: time stamp {times[at]:.15g} s {what}; "
             "time must increase.",
             hint="Remove the row; a table of several demonstrations needs a column demo.",
         )
 
 
-def _findings(recording: Recording, times: FloatArray, rows: IntArray, estimated: float) -> Findings:
-    steps = np.diff(times)
+def _findings(
+    recording: Recording, demonstration: Demonstration, rows: IntArray, estimated: float
+) -> Findings:
+    steps = np.diff(demonstration.times)
+    spikes, lengths = _spikes(demonstration.positions)
+    farthest = int(np.argmax(lengths)) if len(spikes) else -1
     median = float(np.median(steps))
     longest = int(np.argmax(steps))
     low, high = np.percentile(steps, [5, 95])
@@ -203,6 +222,29 @@ def _findings(recording: Recording, times: FloatArray, rows: IntArray, estimated
         gap=float(steps[longest]) if steps[longest] > GAP * median else 0.0,
         gap_after=recording.where(int(rows[longest])),
         jitter=float((high - low) / median),
-        duration=float(times[-1] - times[0]),
+        duration=demonstration.duration,
+        spikes=len(spikes),
+        spike=float(lengths[farthest]) if len(spikes) else 0.0,
+        spike_at=recording.where(int(rows[spikes[farthest]])) if len(spikes) else "",
         estimated_step=estimated,
     )
+
+
+def _spikes(positions: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the samples (S,) that jump aside, only for the motion to go on where it was, and how far (S,).
+
+    A jump is long beside the median of the steps that move at all. Where a motion is fast after a long slow
+    phase its steps are long, too, but they are not taken back.
+    """
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    moving = steps[steps > 0]
+    jumps = np.flatnonzero(steps > SPIKE * np.median(moving)) if moving.size else np.zeros(0, dtype=np.int64)
+    out, back = jumps[:-1], jumps[1:]
+    shorter = np.minimum(steps[out], steps[back])
+    left = np.linalg.norm(positions[back + 1] - positions[out], axis=1)
+    there_and_back = (back - out <= SPIKE_SAMPLES) & (left < SPIKE_RETURN * shorter)
+    spikes: list[int] = []
+    for jump in np.flatnonzero(there_and_back).tolist():
+        if not spikes or jump > spikes[-1] + 1:  # the way back is not the way out to the next one
+            spikes.append(jump)
+    return out[spikes] + 1, steps[out[spikes]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skillctl.demonstrations.matlab import Cells, Structs, Value, Variables, described, matrix
+from skillctl.demonstrations.matlab import Value, Variables, described, matrix
 from skillctl.demonstrations.recording import Recording
 from skillctl.errors import InputDataError
 
@@ -47,7 +47,6 @@ def read(content: Variables, path: Path) -> list[Recording]:
 def _structs(content: Variables) -> list[dict[str, Value]]:
     """Return the structs in ``demos``; none if something else stands there."""
     demos = content.get("demos")
-    cells = demos.items if isinstance(demos, Cells) else ()
-    structs = [cell.items[0] for cell in cells if isinstance(cell, Structs) and len(cell.items) == 1]
-    whole = len(structs) == len(cells) and all(set(FIELDS) <= set(fields) for fields in structs)
-    return structs if whole else []
+    cells = demos if isinstance(demos, list) else []
+    structs = [cell for cell in cells if isinstance(cell, dict) and set(FIELDS) <= set(cell)]
+    return structs if len(structs) == len(cells) else []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skillctl.demonstrations.matlab import Cells, Variables, described, matrix
+from skillctl.demonstrations.matlab import Variables, described, matrix
 from skillctl.demonstrations.recording import Recording, uniform_times
 from skillctl.errors import InputDataError
 
@@ -14,7 +14,7 @@ from skillctl.errors import InputDataError
 def recognises(content: Variables) -> bool:
     """Say whether the variables are laid out as in LPV-DS."""
     data = content.get("data")
-    return isinstance(data, Cells) and bool(data.items)
+    return isinstance(data, list) and bool(data)
 
 
 def read(content: Variables, path: Path) -> list[Recording]:
@@ -29,14 +29,14 @@ def read(content: Variables, path: Path) -> list[Recording]:
         Figueroa & Billard 2018, the data that accompanies ds-opt.
     """
     data, dt = content.get("data"), matrix(content.get("dt"))
-    if not isinstance(data, Cells) or not data.items:
+    if not isinstance(data, list) or not data:
         raise InputDataError(
             f"{path}: not laid out as LPV-DS demonstrations (found {described(content)}).",
             hint="Expected a cell array data of matrices (2d, T), positions above velocities.",
         )
     period = float(dt.item()) if dt is not None and dt.size == 1 else np.nan
     recordings = []
-    for index, cell in enumerate(data.items):
+    for index, cell in enumerate(data):
         rows, part = matrix(cell), f"demonstration {index}"
         if rows is None or len(rows) % 2:
             raise InputDataError(

@@ -8,30 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skillctl.demonstrations import archive, lasa, lpvds, matlab, table
 from skillctl.demonstrations.checks import prepare, set_notes
+from skillctl.demonstrations.child import Child
 from skillctl.demonstrations.files import read_bytes
+from skillctl.demonstrations.formats import FORMATS, recordings_in
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model import DemonstrationSet, StateSpace
 from skillctl.model.demonstration import AXIS_NAMES
-
-FORMATS = ("csv", "npz", "lasa", "lpvds")  # what ``input_format`` may force
-MATLAB_5 = (b"\x00\x01IM", b"\x01\x00MI")  # version and byte order at the end of the header
-FOREIGN = {  # first bytes of what people hand over by mistake, and what to do then
-    b"\x89SKILL": ("a skill, not a demonstration", "Look into it with: skillctl inspect"),
-    b"\x89HDF": ("an HDF5 file, which is not read yet", "Export the trajectories as CSV or NPZ."),
-    b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
-    b"\x93NUMPY": (
-        "a single NumPy array",
-        "Save it with times or dt: numpy.savez(file, positions=..., dt=...)",
-    ),
-    b"\x1f\x8b": ("compressed with gzip", "Unpack it with: gunzip"),
-    b"\xff\xfe": ("UTF-16 text", "Save it as UTF-8."),
-    b"\xfe\xff": ("UTF-16 text", "Save it as UTF-8."),
-    b"%PDF": ("a PDF document", "Name a demonstration file."),
-    b"\x89PNG": ("a picture", "Name a demonstration file."),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +60,8 @@ def read_demonstrations(
     Args:
         paths: Files of any of ``FORMATS``.
         input_format: Read every file as this format instead of looking at its content.
-        columns: Names of the position columns, in this order; x, y, z (or q1 …) in formats without names.
+        columns: Names of the position columns, in this order: of a table's columns or a skeleton's joints, of
+            a robomimic dataset's observations; x, y, z (or q1 …) in formats without names.
         dt: Sampling period of files that say nothing about time, [s].
         units: Unit of the positions. By default the format's: millimetres for LASA, metres otherwise.
             ``rad`` makes it a joint space.
@@ -92,11 +77,12 @@ def read_demonstrations(
     _require_options(input_format, dt, scale)
     recordings: list[Recording] = []
     sources = []
-    for path in map(Path, paths):
-        content = read_bytes(path)
-        importer, found = _recordings(content, path, input_format, columns)
-        recordings += [_as_asked(recording, columns, units) for recording in found]
-        sources.append(InputFile(path, hashlib.sha256(content).hexdigest(), importer))
+    with Child() as child:
+        for path in map(Path, paths):
+            content = read_bytes(path)
+            importer, found = recordings_in(content, path, child, input_format, columns)
+            recordings += [_as_asked(recording, columns, units) for recording in found]
+            sources.append(InputFile(path, hashlib.sha256(content).hexdigest(), importer))
     chosen = _selected(recordings, select)
     names = _names(chosen)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in chosen]
@@ -112,47 +98,6 @@ def _require_options(input_format: str | None, dt: float | None, scale: float) -
     for name, value in {"dt": dt, "scale": scale}.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise UsageError(f"{name}: must be a positive number, got {value!r}.")
-
-
-def _recordings(
-    content: bytes, path: Path, input_format: str | None, columns: Sequence[str] | None
-) -> tuple[str, list[Recording]]:
-    """Return the name of the format and the recordings in the content of a file."""
-    importer = input_format or _format_by_signature(content, path)
-    if importer == "csv":
-        return importer, table.read(content, path, columns)
-    if importer == "npz":
-        return importer, archive.read(content, path)
-    return _from_matlab(matlab.variables(content, path), path, importer)
-
-
-def _format_by_signature(content: bytes, path: Path) -> str:
-    """Return csv, npz or mat, judging by the first bytes."""
-    if content.startswith(b"PK\x03\x04"):
-        return "npz"
-    if content[124:128] in MATLAB_5:
-        return "mat"
-    for start, (what, hint) in FOREIGN.items():
-        if content.startswith(start):
-            raise InputDataError(f"{path}: {what}.", hint=hint)
-    if b"\0" in content:
-        raise InputDataError(
-            f"{path}: neither text nor a format that skillctl knows.",
-            hint="Demonstrations are read from CSV, NPZ, LASA .mat and LPV-DS .mat files.",
-        )
-    return "csv"
-
-
-def _from_matlab(variables: matlab.Variables, path: Path, importer: str) -> tuple[str, list[Recording]]:
-    """Read the variables of a MATLAB file as ``importer`` says, or by their layout if it says ``mat``."""
-    if importer == "lasa" or (importer == "mat" and lasa.recognises(variables)):
-        return "lasa", lasa.read(variables, path)
-    if importer == "lpvds" or lpvds.recognises(variables):
-        return "lpvds", lpvds.read(variables, path)
-    raise InputDataError(
-        f"{path}: a MATLAB file of unknown layout (found {matlab.described(variables)}).",
-        hint="Expected demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt]).",
-    )
 
 
 def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:

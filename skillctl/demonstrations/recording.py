@@ -75,8 +75,10 @@ def uniform_times(period: float, samples: int) -> FloatArray:
     return period * np.arange(samples, dtype=np.float64)
 
 
-def column_indices(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[int, ...]:
-    """Return where the wanted columns stand among ``names``.
+def column_indices(
+    wanted: Sequence[str], names: Sequence[str], path: Path, *, what: str = "column"
+) -> tuple[int, ...]:
+    """Return where the wanted columns, or ``what`` they are called, stand among ``names``.
 
     Raises:
         UsageError: A column named twice, or none at all.
@@ -88,9 +90,9 @@ def column_indices(wanted: Sequence[str], names: Sequence[str], path: Path) -> t
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             raise InputDataError(
-                f"{path}: there is no column '{printable(name)}'"
+                f"{path}: there is no {what} '{printable(name)}'"
                 + (f"; did you mean '{printable(close[0])}'?" if close else "."),
-                hint=f"The columns are: {listed(names)}.",
+                hint=f"The {what}s are: {listed(names)}.",
             )
     return tuple(names.index(name) for name in wanted)
 

@@ -1,4 +1,4 @@
-"""CSV and TSV: a header row, then one row per sample."""
+"""CSV, TSV and the like: a header row, then one row per sample."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from typing import TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.demonstrations.recording import Recording, column_indices, listed
+from skillctl.demonstrations import joints
+from skillctl.demonstrations.recording import Recording, listed
 from skillctl.errors import InputDataError, printable
 from skillctl.model.demonstration import AXIS_NAMES
 
@@ -23,26 +24,36 @@ Block: TypeAlias = tuple[IntArray, FloatArray, list[str]]  # lines, numbers, val
 
 ROWS = 8192  # lines turned into numbers together: the text never stands in memory as a whole
 COMMENT = ("#", "%")
-TIME = re.compile(r"(t|time|timestamp)(_s| ?[\[(]s[\])])?", re.IGNORECASE)
+TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
+UNIT = f"({'|'.join(TICKS)})"
+TIME = re.compile(rf"(?:t|time|timestamp)(?:_{UNIT}| ?[\[(]{UNIT}[\])])?", re.IGNORECASE)
 DEMO = "demo"
 
 
-def read(content: bytes, path: Path, columns: Sequence[str] | None = None) -> list[Recording]:
+def read(
+    content: bytes,
+    path: Path,
+    columns: Sequence[str] | None = None,
+    *,
+    header: Sequence[str] | None = None,
+) -> list[Recording]:
     """Return the demonstrations of a table.
 
-    The first row names the columns: a time (``t``, ``time`` or ``timestamp``, in seconds), positions, and
-    optionally ``demo``, which tells several demonstrations apart. Of tables that hold more than positions
-    x and y (and z), only these are used unless ``columns`` says otherwise; of all others, every column is.
+    The first row names the columns: a time (``t``, ``time`` or ``timestamp``, in seconds unless its name goes
+    on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several demonstrations
+    apart. Of tables that hold more than positions x and y (and z), only these are used; of all others, every
+    column is, up to seven. ``columns`` says otherwise; it may name joints of a skeleton, too.
     Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
     Lines that start with # or % are comments; the last one before the numbers may be the header.
+    ``header`` says what the columns of a format are that has no header and separates by spaces.
 
     Raises:
         InputDataError: No text, no header, no rows, ragged rows, cells that are no numbers: by line.
     """
     text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig")
     try:
-        header, body = _opened(text, path)
-        layout = _layout(header, columns, path)
+        names, body = _opened(text, header, path)
+        layout = _layout(names, columns, path)
         blocks = list(_blocks(body, layout, path))
     except UnicodeDecodeError as error:
         raise InputDataError(f"{path}: not UTF-8 text.", hint="Save the table as UTF-8.") from error
@@ -70,14 +81,18 @@ class _Layout:
     Attributes:
         names: All columns of the header.
         time, demo: Their columns, None if absent.
+        ticks: Units of the time column in a second.
         positions: Columns of the positions.
+        labels: Their names in the state space.
         unused: Names of columns left aside without being asked.
     """
 
     names: tuple[str, ...]
     time: int | None
     demo: int | None
+    ticks: float
     positions: tuple[int, ...]
+    labels: tuple[str, ...]
     unused: tuple[str, ...]
 
     @property
@@ -86,7 +101,7 @@ class _Layout:
         return self.positions if self.time is None else (self.time, *self.positions)
 
 
-def _opened(text: Iterator[str], path: Path) -> tuple[list[str], _Body]:
+def _opened(text: Iterator[str], header: Sequence[str] | None, path: Path) -> tuple[Sequence[str], _Body]:
     comment = ""
     for number, line in enumerate(text, start=1):
         if line.strip().startswith(COMMENT):
@@ -95,9 +110,9 @@ def _opened(text: Iterator[str], path: Path) -> tuple[list[str], _Body]:
             delimiter = _delimiter(line)
             cells, above = _cells(line, delimiter), _cells(comment, delimiter)
             if not any(map(_is_number, cells)):
-                return cells, _Body(text, number, delimiter)
-            if len(above) == len(cells) and not any(map(_is_number, above)):
-                return above, _Body(chain([line], text), number - 1, delimiter)
+                return header or cells, _Body(text, number, delimiter)
+            if header or (len(above) == len(cells) and not any(map(_is_number, above))):
+                return header or above, _Body(chain([line], text), number - 1, delimiter)
             raise InputDataError(
                 f"{path}, line {number}: numbers where the names of the columns should be.",
                 hint="Add a header as first line, such as t,x,y,z.",
@@ -130,7 +145,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _layout(header: list[str], columns: Sequence[str] | None, path: Path) -> _Layout:
+def _layout(header: Sequence[str], columns: Sequence[str] | None, path: Path) -> _Layout:
     names = tuple(name.strip() for name in header)
     asked = set(columns or ())
     time = next((i for i, name in enumerate(names) if TIME.fullmatch(name) and name not in asked), None)
@@ -138,10 +153,11 @@ def _layout(header: list[str], columns: Sequence[str] | None, path: Path) -> _La
     free = [i for i, name in enumerate(names) if name and i not in (time, demo)]
     axes = [i for i in free if names[i].lower() in AXIS_NAMES]
     if columns is not None:
-        positions = column_indices(columns, names, path)
+        positions = joints.chosen(columns, names, path)
     elif {"x", "y"} <= {names[i].lower() for i in axes}:
         positions = tuple(sorted(axes, key=lambda i: names[i].lower()))
     else:
+        joints.require_few([names[i] for i in free], path)
         positions = tuple(free)
     chosen = [names[i].lower() for i in positions]
     if not positions or len(set(chosen)) < len(chosen):
@@ -150,30 +166,56 @@ def _layout(header: list[str], columns: Sequence[str] | None, path: Path) -> _La
             hint=f"Name each column once, as in t,x,y,z. The columns are: {listed(names)}.",
         )
     unused = () if columns is not None else tuple(names[i] for i in free if i not in positions)
-    return _Layout(names, time, demo, positions, unused)
+    ticks = 1.0 if time is None else _ticks(names[time])
+    labels = _labels([names[i] for i in positions], columns)
+    return _Layout(names, time, demo, ticks, positions, labels, unused)
+
+
+def _labels(chosen: Sequence[str], columns: Sequence[str] | None) -> tuple[str, ...]:
+    """Return names for the chosen columns: x, y, z if they are one joint, else their own."""
+    if columns is not None and len(columns) < len(chosen) <= len(AXIS_NAMES):
+        return AXIS_NAMES[: len(chosen)]
+    return tuple(name.lower() if name.lower() in AXIS_NAMES else name for name in chosen)
+
+
+def _ticks(name: str) -> float:
+    match = TIME.fullmatch(name)
+    return TICKS[(match[1] or match[2] or "s").lower()] if match else 1.0
 
 
 def _blocks(body: _Body, layout: _Layout, path: Path) -> Iterator[Block]:
     consumed = body.consumed
     while lines := list(islice(body.lines, ROWS)):
-        values = _plain_numbers(lines, body.delimiter) if layout.demo is None else None
-        if values is not None and values.shape == (len(lines), len(layout.names)):
-            yield np.arange(consumed, consumed + len(lines)) + 1, values[:, layout.numeric], []
+        plain = _plain(lines, layout, body.delimiter)
+        if plain is not None:
+            yield np.arange(consumed, consumed + len(lines)) + 1, *plain
         elif rows := list(_rows(lines, body.delimiter, consumed)):
             yield _block(rows, layout, body.delimiter, path)
         consumed += len(lines)
 
 
-def _plain_numbers(lines: list[str], delimiter: str) -> FloatArray | None:
-    """Return a block that holds nothing but numbers, parsed in one go; None if there is anything else."""
-    if any(line.isspace() for line in lines):
+def _plain(lines: list[str], layout: _Layout, delimiter: str) -> tuple[FloatArray, list[str]] | None:
+    """Return a block's numbers and demo column, parsed in one go; None if any line needs a closer look."""
+    text = "".join(lines)
+    if text.isspace() or any(mark in text for mark in (*COMMENT, '"')):
         return None
+    separator = None if delimiter == " " else delimiter
+    width = len(layout.names)
+    # NumPy counts the cells of a row if it reads all of them.
+    some = layout.numeric if len(layout.numeric) < width else None
+    if some and any(len(line.split(separator)) != width for line in lines):
+        return None
+    numbers = [line.replace(",", ".") for line in lines] if separator != "," and "," in text else lines
     try:
-        return np.loadtxt(
-            lines, delimiter=None if delimiter == " " else delimiter, comments=None, quotechar='"', ndmin=2
-        )
+        values = np.loadtxt(numbers, delimiter=separator, comments=None, usecols=some, ndmin=2)
     except ValueError:
         return None
+    if values.shape != (len(lines), len(layout.numeric)):  # blank lines are left out
+        return None
+    values = values if some else values[:, layout.numeric]
+    if layout.demo is None:
+        return values, []
+    return values, [line.split(separator)[layout.demo].strip() for line in lines]
 
 
 def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Block:
@@ -182,7 +224,7 @@ def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Bloc
     for line, cells in rows:
         if len(cells) != width:
             raise InputDataError(
-                f"{path}, line {line}: {len(cells)} cells, but the header has {width}.",
+                f"{path}, line {line}: {len(cells)} cells, but there are {width} columns.",
                 hint="A recording that was cut off? Remove the incomplete line.",
             )
     texts = [[cells[i] for i in layout.numeric] for _, cells in rows]
@@ -192,7 +234,7 @@ def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Bloc
         values = np.array(texts, dtype=np.float64)
     except ValueError as error:
         raise _not_a_number(rows, texts, layout, path) from error
-    demos = [] if layout.demo is None else [cells[layout.demo] for _, cells in rows]
+    demos = [] if layout.demo is None else [cells[layout.demo].strip() for _, cells in rows]
     return np.array([line for line, _ in rows]), values, demos
 
 
@@ -215,18 +257,17 @@ def _split(
     layout: _Layout, path: Path, lines: IntArray, values: FloatArray, demos: list[str]
 ) -> list[Recording]:
     """Return one recording per value of the demo column, in the order of their first rows."""
-    times, positions = (None, values) if layout.time is None else (values[:, 0], values[:, 1:])
-    chosen = (layout.names[i] for i in layout.positions)
-    names = tuple(name.lower() if name.lower() in AXIS_NAMES else name for name in chosen)
+    times, positions = (None, values) if layout.time is None else (values[:, 0] / layout.ticks, values[:, 1:])
     number = {value: i for i, value in enumerate(dict.fromkeys(demos))}
     codes = np.array([number[value] for value in demos]) if demos else np.zeros(len(lines), dtype=np.int64)
-    members = [np.flatnonzero(codes == code) for code in range(max(1, len(number)))]
+    order = np.argsort(codes, kind="stable")
+    members = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
     return [
         Recording(
             path,
             positions[rows],
             times=None if times is None else times[rows],
-            names=names,
+            names=layout.labels,
             lines=lines[rows],
             part=f"demo {printable(demos[rows[0]])[:40]}" if demos else "",
             unused=layout.unused,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations import ReadResult, read_demonstrations
+from skillctl.demonstrations.child import Child
 
 
 @pytest.fixture
@@ -52,6 +54,13 @@ def save_mat(tmp_path: Path) -> Callable[..., Path]:
     return save
 
 
+@pytest.fixture(scope="module")
+def child() -> Iterator[Child]:
+    """A process that parses; one for many tests, because starting it takes longer than they do."""
+    with Child() as child:
+        yield child
+
+
 @pytest.fixture
 def cell() -> Callable[..., object]:
     """Make a cell array, one row."""
@@ -75,3 +84,43 @@ def curve() -> Callable[..., FloatArray]:
         return a + b * t + c * t**2
 
     return curve
+
+
+@pytest.fixture
+def save_robomimic(tmp_path: Path) -> Callable[..., Path]:
+    """Write a dataset laid out as robomimic's are: of low-dimensional observations, with a filter key."""
+    import h5py
+
+    def save(
+        motions: Sequence[FloatArray],
+        *,
+        env_args: object = {"env_name": "Lift", "type": 1, "env_kwargs": {"control_freq": 20}},
+        edit: Callable[[h5py.File], None] = lambda file: None,
+        **observations: Callable[[FloatArray], FloatArray],
+    ) -> Path:
+        with h5py.File(tmp_path / "low_dim.hdf5", "w") as file:
+            data = file.create_group("data")
+            data.attrs["total"] = sum(map(len, motions))
+            data.attrs["env_args"] = env_args if isinstance(env_args, str) else json.dumps(env_args)
+            for index, motion in enumerate(motions):
+                demonstration = data.create_group(f"demo_{index}")
+                demonstration.attrs["num_samples"] = len(motion)
+                demonstration.attrs["model_file"] = "<mujoco/>" * 100
+                for name, width in {"actions": 7, "states": 32}.items():
+                    demonstration[name] = np.zeros((len(motion), width))
+                demonstration["rewards"] = np.zeros(len(motion))
+                demonstration["dones"] = np.zeros(len(motion), dtype=int)
+                for group in ("obs", "next_obs"):
+                    obs = demonstration.create_group(group)
+                    obs["robot0_eef_pos"] = motion if group == "obs" else np.roll(motion, -1, axis=0)
+                    obs["robot0_eef_quat"] = np.tile([0.0, 0, 0, 1], (len(motion), 1))
+                    obs.create_dataset(
+                        "agentview_image", data=np.zeros((len(motion), 8, 8, 3), "u1"), compression="gzip"
+                    )
+                    for name, made_of in observations.items():
+                        obs[name] = made_of(motion)
+            file["mask/train"] = np.array([b"demo_0"])
+            edit(file)
+        return tmp_path / "low_dim.hdf5"
+
+    return save

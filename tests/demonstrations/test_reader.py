@@ -21,7 +21,7 @@ PLAIN = "t,x,y\n0,1,2\n0.1,1.5,2.5\n0.2,2,2.25\n"
 # ------------------------------------------------------------------------------------- many files
 
 
-def test_files_of_all_formats_make_one_set(write, save_npz, lasa) -> None:
+def test_files_of_many_formats_make_one_set(write, save_npz, lasa) -> None:
     table = write("demo,t,x,y\n0,0,0.01,0.02\n0,1,0,0\n1,0,0.03,0.01\n1,1,0,0\n", "a.csv")
     archive = save_npz(positions=np.array([[0.02, 0.02], [0.0, 0.0]]), dt=1.0)
     result = read_demonstrations([table, archive, lasa("Angle")])
@@ -33,6 +33,19 @@ def test_files_of_all_formats_make_one_set(write, save_npz, lasa) -> None:
     ]
     for source in result.sources:
         assert source.sha256 == hashlib.sha256(source.path.read_bytes()).hexdigest()
+
+
+def test_robots_and_cameras_make_one_set(write, save_robomimic, curve) -> None:
+    motion = curve(dimension=3)
+    rows = "".join(f"{i / 20} {x!r} {y!r} {z!r} 0 0 0 1\n" for i, (x, y, z) in enumerate(motion.tolist()))
+    table = "t,x,y,z\n" + "".join(
+        f"{i / 20},{x!r},{y!r},{z!r}\n" for i, (x, y, z) in enumerate(motion.tolist())
+    )
+    paths = [save_robomimic([motion]), write(rows, "hand.txt"), write(table)]
+    result = read_demonstrations(paths)
+    assert [source.importer for source in result.sources] == ["robomimic", "tum", "csv"]
+    for demonstration in result.demonstrations:
+        assert (demonstration.positions == motion).all()
 
 
 def test_the_format_is_chosen_by_content_not_by_name(write, save_npz, save_mat, cell, curve) -> None:
@@ -53,7 +66,7 @@ def test_a_forced_format_is_not_second_guessed(write, save_npz, curve) -> None:
                 read_demonstrations([archive], input_format=name)
     with pytest.raises(InputDataError, match="not an intact NPZ archive"):
         read_demonstrations([write(PLAIN)], input_format="npz")
-    with pytest.raises(UsageError, match="'xml' is none of csv, npz, lasa, lpvds"):
+    with pytest.raises(UsageError, match="'xml' is none of csv, tum, npz, robomimic, lasa, lpvds"):
         read_demonstrations([archive], input_format="xml")
 
 
@@ -176,7 +189,7 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     ("start", "words"),
     [
         (b"\x89SKILL\r\n\x1a\n1 ", "a skill, not a demonstration"),
-        (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
+        (b"\x89HDF\r\n\x1a\n", "not an intact HDF5 file"),
         (b"\x93NUMPY\x01\x00", "a single NumPy array"),
         (b"\x1f\x8b\x08", "compressed with gzip"),
         (b"%PDF-1.7", "a PDF document"),

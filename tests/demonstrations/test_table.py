@@ -36,6 +36,10 @@ def only(result):
         PLAIN.replace("t,x,y", "Time,X,Y"),
         PLAIN.replace("t,x,y", "time [s],x,y"),
         PLAIN.replace("t,x,y", "# t,x,y"),
+        PLAIN.replace("t,x,y", "t_s,x,y"),
+        "t_ms,x,y\n0,1,2\n100,1.5,2.5\n200,2,2.25\n",
+        "Timestamp [us],x,y\n0,1,2\n100000,1.5,2.5\n200000,2,2.25\n",
+        "time(ns),x,y\n0,1,2\n100000000,1.5,2.5\n200000000,2,2.25\n",
         "# a comment\n\n" + PLAIN.replace("\n0.1", "\n# pause\n\n0.1") + "\n\n",
         '"t","x","y"\n"0","1","2"\n"0.1","1.5","2.5"\n"0.2","2","2.25"\n',
         "y,t,x\n2,0,1\n2.5,0.1,1.5\n2.25,0.2,2\n",
@@ -44,7 +48,8 @@ def only(result):
     ],
     ids=[
         "plain", "bom", "crlf", "cr", "semicolons", "decimal-commas", "tabs", "spaces", "runs-of-spaces",
-        "padded", "capitals", "unit-of-time", "header-in-comment", "comments-and-blanks", "quoted",
+        "padded", "capitals", "unit-of-time", "header-in-comment", "seconds",
+        "milliseconds", "microseconds", "nanoseconds", "comments-and-blanks", "quoted",
         "any-order", "index-column", "no-final-newline",
     ],
 )  # fmt: skip
@@ -87,6 +92,40 @@ def test_a_demo_column_tells_demonstrations_apart(read_text) -> None:
     assert [d.source for d in result.demonstrations] == ["reach.csv, demo b", "reach.csv, demo a"]
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_a_demo_column_means_the_same_in_every_block(read_text, separator: str) -> None:
+    n = 9_000  # more than one block; a comment makes the second be read with care
+    lines = [f"take-{i // 3_000} {i % 3_000} {i}" for i in range(n)]
+    text = "\n".join(["demo t x", *lines[:8_500], "# pause", *lines[8_500:]]).replace(" ", separator)
+    result = read_text(text.replace(f"#{separator}", "# "), scale=1e-4)
+    assert [d.source for d in result.demonstrations] == [f"reach.csv, demo take-{i}" for i in range(3)]
+    assert [len(d.times) for d in result.demonstrations] == [3_000] * 3
+
+
+def test_a_row_that_is_commented_out_stays_out(read_text) -> None:
+    assert only(read_text("demo,t,x\n0,0,1\n#0,1,2\n0,2,3\n")).positions.ravel().tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("first", ["0,1,2,open", "0,1,2,9"])
+@pytest.mark.parametrize("second", ["1,2,3", "1,2,3,4,5"])
+def test_ragged_rows_are_found_beside_columns_that_are_not_read(read_text, first: str, second: str) -> None:
+    with pytest.raises(InputDataError, match=r"line 3: [35] cells, but there are 4 columns"):
+        read_text(f"t,x,y,grip\n{first}\n{second}\n")
+
+
+def test_a_sheet_exported_as_tsv_is_read(read_text) -> None:
+    """As spreadsheets write it: quoted names, CRLF, an empty last column, and a comma in a quoted note."""
+    text = '"time [s]"\t"x"\t"y"\t"note"\t\r\n0\t1\t2\t"start, left"\t\r\n0.5\t2\t3\t""\t\r\n'
+    result = read_text(text)
+    assert only(result).positions.tolist() == [[1, 2], [2, 3]]
+    assert result.notes == ("left aside: note; use --columns to choose others.",)
+
+
+def test_a_sheet_exported_with_decimal_commas_is_read(read_text) -> None:
+    text = "t;x;y;grip\r\n0,0;1,5;-2,25e-1;auf\r\n0,5;2,5;3;zu\r\n"
+    assert only(read_text(text)).positions.tolist() == [[1.5, -0.225], [2.5, 3]]
+
+
 def test_without_time_the_period_is_asked_for(read_text) -> None:
     text = "x,y\n0,0\n1,1\n3,3\n"
     assert only(read_text(text, dt=0.5)).times.tolist() == [0, 0.5, 1]
@@ -108,8 +147,8 @@ def test_a_time_column_wins_over_a_period(read_text) -> None:
         ("t,x,y\n0,1,2\n\n# pause\n1,2,\n", "reach.csv, line 5, column 'y': an empty cell."),
         ("t,x,y\nzero,1,2\n1,1,3\n", "reach.csv, line 2, column 't': 'zero' is not a number."),
         ("t,x,y\n0,1,2\n1,\x1b[2J,3\n", r"line 3, column 'x': '\x1b[2J' is not a number."),
-        ("t,x,y\n0,1,2\n1,1,3,4\n", "reach.csv, line 3: 4 cells, but the header has 3."),
-        ("t,x,y\n0,1,2\n1,1.5,2.5\n2,2", "reach.csv, line 4: 2 cells, but the header has 3."),
+        ("t,x,y\n0,1,2\n1,1,3,4\n", "reach.csv, line 3: 4 cells, but there are 3 columns."),
+        ("t,x,y\n0,1,2\n1,1.5,2.5\n2,2", "reach.csv, line 4: 2 cells, but there are 3 columns."),
         ("# t,x\n0,1\n1,oops\n", "reach.csv, line 3, column 'x': 'oops' is not a number."),
         ("t,x,y\n0,1,2\n1,nan,3\n", "reach.csv, line 3, column 'x': nan is not a position."),
         ("t,x,y\n0,1,2\n1,1,-inf\n", "reach.csv, line 3, column 'y': -inf is not a position."),

@@ -1,0 +1,56 @@
+"""Skeleton tables: columns x, y and z of many joints, of which a motion needs one or two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skillctl.demonstrations.recording import column_indices, listed
+from skillctl.errors import InputDataError, printable
+from skillctl.model.demonstration import AXIS_NAMES
+
+SEPARATORS = " _.:/-"  # between a joint and its axis, if anything
+MOST = 7  # columns that are taken for positions unasked: the joints of an arm
+
+
+def joints(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return the columns x, y (and z) of each joint, by its name.
+
+    ``HandRight_X``, ``HandRight.x`` or ``HandRightX`` is a column of the joint HandRight if there is such a
+    column for y, too. The q of qx, qy, qz is none: names of joints have two letters or more.
+    """
+    columns: dict[str, dict[str, str]] = {}
+    for name in names:
+        columns.setdefault(name[:-1], {}).setdefault(name[-1:].lower(), name)
+    found: dict[str, tuple[str, ...]] = {}
+    for stem, by_axis in columns.items():
+        axes = AXIS_NAMES if "z" in by_axis else AXIS_NAMES[:2]
+        joint = stem.rstrip(SEPARATORS)
+        if len(joint) > 1 and set(axes) <= set(by_axis):
+            found.setdefault(joint, tuple(by_axis[axis] for axis in axes))
+    return found
+
+
+def chosen(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[int, ...]:
+    """Return where the wanted columns stand among ``names``; a joint stands for its columns.
+
+    Raises:
+        UsageError: A column named twice, or none at all.
+        InputDataError: Neither a column nor a joint; names the nearest one and lists what there is.
+    """
+    known = {joint: columns for joint, columns in joints(names).items() if joint not in names}
+    column_indices(wanted, [*known, *names], path)  # refuses
+    return column_indices([c for name in wanted for c in known.get(name, (name,))], names, path)
+
+
+def require_few(candidates: Sequence[str], path: Path) -> None:
+    """Raise InputDataError if there are more columns than a motion has dimensions: the user must choose."""
+    if len(candidates) <= MOST:
+        return
+    found = joints(candidates)
+    what = f"joints are: {listed(tuple(found), 40)}" if found else f"columns are: {listed(candidates, 40)}"
+    example = next(iter(found), "a,b,c")
+    raise InputDataError(
+        f"{path}: {len(candidates)} columns could be positions; which are?",
+        hint=f"Choose with --columns, as in --columns {printable(example)}. The {what}.",
+    )

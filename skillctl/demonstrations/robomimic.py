@@ -1,0 +1,70 @@
+"""robomimic datasets: HDF5 files with one group per demonstration, ``data/demo_<i>/obs/<key>``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from skillctl.demonstrations.child import Child
+from skillctl.demonstrations.recording import Recording, column_indices, listed, uniform_times
+from skillctl.errors import InputDataError
+from skillctl.model.demonstration import AXIS_NAMES
+
+POSITION = "robot0_eef_pos"  # the observation read unless others are chosen: the first hand, in metres
+
+
+def read(child: Child, content: bytes, path: Path, columns: Sequence[str] | None = None) -> list[Recording]:
+    """Return the demonstrations in a robomimic dataset, in the order of their numbers.
+
+    ``columns`` names observations; several stand side by side. The sampling period is one over the
+    ``control_freq`` of the environment that the dataset was recorded in, where it says so.
+
+    Raises:
+        InputDataError: Damaged, another layout, no such observation, or data that lie outside of the file.
+
+    References:
+        Mandlekar et al. 2021, "What Matters in Learning from Offline Human Demonstrations", and the
+        description of the dataset structure in robomimic's documentation.
+    """
+    wanted = list(columns or [POSITION])
+    found = child.parse(parse, content, path, "HDF5 file", keys=wanted)
+    widths, frequency = found["widths"], found["frequency"]
+    if not found["count"]:
+        raise InputDataError(
+            f"{path}: an HDF5 file of unknown layout (found {listed(found['members']) or 'nothing'}).",
+            hint=f"Expected a robomimic dataset: data/demo_0/obs/{POSITION}.",
+        )
+    if not widths:
+        raise InputDataError(
+            f"{path}: its demonstrations hold no observations.",
+            hint="Extract them from the states, with robomimic's script dataset_states_to_obs.py.",
+        )
+    column_indices(wanted, list(widths), path, what="observation")
+    names = _names({key: widths[key] for key in wanted})
+    unused = () if columns is not None else tuple(key for key in widths if key not in wanted)
+    return [
+        Recording(
+            path,
+            positions,
+            times=None if frequency is None else uniform_times(1 / frequency, len(positions)),
+            names=names,
+            part=name,
+            unused=unused,
+        )
+        for name, positions in found["demonstrations"].items()
+    ]
+
+
+def _names(widths: dict[str, int]) -> tuple[str, ...]:
+    """Return x, y, z for one position, and the name of its observation with a number for all else."""
+    if list(widths.values()) == [len(AXIS_NAMES)]:
+        return AXIS_NAMES
+    return tuple(f"{key}_{i}" for key, width in widths.items() for i in range(width))
+
+
+def parse(content: bytes, keys: list[str]) -> dict[str, Any]:
+    """Return what is in a dataset; runs in the child, which alone imports h5py."""
+    from skillctl.demonstrations.observations import contents
+
+    return contents(content, keys)
