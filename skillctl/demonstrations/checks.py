@@ -106,9 +106,10 @@ def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) ->
         )
     if spiky := [f for f in findings if f.spikes]:
         worst = max(spiky, key=lambda f: f.spike)
+        spikes = sum(f.spikes for f in spiky)
         notes.append(
-            f"{sum(f.spikes for f in spiky)} spikes in {_some(spiky, total)}, where positions jump aside and "
-            f"back; the largest, {worst.spike:.3g} {demonstrations.space.unit}, in {worst.label} at "
+            f"{spikes} spike{'s' if spikes > 1 else ''} in {_some(spiky, total)}, where positions jump aside "
+            f"and back; the largest, {worst.spike:.3g} {demonstrations.space.unit}, in {worst.label} at "
             f"{worst.spike_at}."
         )
     if estimated := [f.estimated_step for f in findings if f.estimated_step]:

@@ -27,7 +27,7 @@ def joints(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
         axes = AXIS_NAMES if "z" in by_axis else AXIS_NAMES[:2]
         joint = stem.rstrip(SEPARATORS)
         if len(joint) > 1 and set(axes) <= set(by_axis):
-            found.setdefault(joint, tuple(by_axis[axis] for axis in axes))
+            found[joint] = tuple(by_axis[axis] for axis in axes)
     return found
 
 

@@ -108,12 +108,17 @@ def test_content_of_any_length_goes_in(parse, parsers) -> None:
         assert parse(parsers.size, bytes(length), factor=2) == 2 * length
 
 
-def test_files_share_one_process_until_one_ends_it(parse, refusal, parsers) -> None:
+def test_files_share_one_process_until_one_ends_it(parse, refusal, parsers, monkeypatch) -> None:
     first = parse(parsers.identity)
     assert first != os.getpid()
     refusal(parsers.fail)
     refusal(parsers.refuse)
     assert parse(parsers.identity) == first
+    with monkeypatch.context() as patch:
+        patch.setattr(child_module, "TIME_LIMIT", 0.5)
+        parse(parsers.identity)
+        time.sleep(0.7)  # the time of the next file does not run yet
+        assert parse(parsers.identity) == first
     refusal(parsers.crash)
     assert parse(parsers.identity) != first
 

@@ -47,14 +47,14 @@ def test_only_matrices_with_numbers_are_matrices() -> None:
 
 def test_cells_and_structs_nest(save_mat, variables, cell) -> None:
     inner = {"pos": np.eye(2), "name": "reach"}
-    twins = np.array([[(1.0, 2.0), (3.0, 4.0)]], dtype=[("a", object), ("b", object)])
-    found = variables(save_mat({"c": cell(inner, np.ones((1, 2)), cell(np.zeros((1, 1)))), "s": twins}))
+    structs = np.array([[(1, 5), (3, 7)], [(2, 6), (4, 8)]], dtype=[("a", object), ("b", object)])
+    found = variables(save_mat({"c": cell(inner, np.ones((1, 2)), cell(np.zeros((1, 1)))), "s": structs}))
     struct, row, (zero,) = found["c"]
     assert struct["pos"].tolist() == [[1, 0], [0, 1]]
     assert struct["name"] is None
     assert row.tolist() == [[1, 1]]
     assert zero.tolist() == [[0]]
-    assert [(item["a"].item(), item["b"].item()) for item in found["s"]] == [(1, 2), (3, 4)]
+    assert [(item["a"].item(), item["b"].item()) for item in found["s"]] == [(1, 5), (2, 6), (3, 7), (4, 8)]
 
 
 def test_what_demonstrations_are_not_made_of_is_told_apart(save_mat, variables, cell) -> None:

@@ -92,6 +92,12 @@ def test_a_demo_column_tells_demonstrations_apart(read_text) -> None:
     assert [d.source for d in result.demonstrations] == ["reach.csv, demo b", "reach.csv, demo a"]
 
 
+def test_demonstrations_recorded_in_turns_keep_their_order(read_text) -> None:
+    rows = [f"{i % 2},{i},{i}" for i in range(2_000)]
+    for i, demonstration in enumerate(read_text("\n".join(["demo,t,x", *rows])).demonstrations):
+        assert demonstration.positions.ravel().tolist() == list(range(i, 2_000, 2))
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " "])
 def test_a_demo_column_means_the_same_in_every_block(read_text, separator: str) -> None:
     n = 9_000  # more than one block; a comment makes the second be read with care
