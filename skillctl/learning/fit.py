@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.learning.lyapunov import forced_deviation, learn_lyapunov, rising_share
+from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.parameters import skill_of
 from skillctl.learning.preprocess import TrainingData, align, embedded, training_data
@@ -19,7 +19,7 @@ from skillctl.learning.solve import ProgressCallback, solve
 from skillctl.model import DemonstrationSet, SedsSkill
 
 DEFAULT_COMPONENTS = 7
-FORCED_SHARE = 0.01  # warn when V forces the motion off its path by more than this share of its extent
+BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -32,8 +32,8 @@ class Fit:
             points each, each ending exactly at the attractor.
         objective: Value of the objective at the end, in the learner's units.
         log_likelihood: Mean log p(ξ, ξ̇) of the initial or final constrained mixture, learner's units.
-        forced_deviation: Mean distance by which any V with this P keeps the motion off the
-            demonstrations, in the unit of the space: a lower bound on what this metric can reach.
+        deviation_bound: Mean distance from the demonstrations that no motion with this P gets below, in
+            the unit of the space.
         rising_share: Share of the demonstrated path on which V would have to grow.
         warnings: Sentences a user should read.
     """
@@ -42,7 +42,7 @@ class Fit:
     demonstrations: DemonstrationSet
     objective: float
     log_likelihood: float
-    forced_deviation: float
+    deviation_bound: float
     rising_share: float
     warnings: tuple[str, ...]
 
@@ -99,16 +99,16 @@ def _fit(
     metric = _metric(data, options, lyapunov)
     n_components = _n_components(aligned, data, metric, options, progress)
     solution = solve(data, metric, n_components, options, progress)
-    forced = float(forced_deviation(metric, data.positions).mean()) * data.length_scale
+    bound = deviation_bound(metric, data.positions) * data.length_scale
     share = rising_share(metric, data.positions)
     return Fit(
         skill=skill_of(solution.field, solution.density, data, metric, demonstrations.space),
         demonstrations=embedded(aligned),
         objective=solution.objective,
         log_likelihood=solution.log_likelihood,
-        forced_deviation=forced,
+        deviation_bound=bound,
         rising_share=share,
-        warnings=_warnings(demonstrations, forced, share, options),
+        warnings=_warnings(demonstrations, bound, share, options),
     )
 
 
@@ -141,12 +141,12 @@ def _metric(data: TrainingData, options: LearnOptions, lyapunov: FloatArray | No
 
 
 def _warnings(
-    demonstrations: DemonstrationSet, forced: float, share: float, options: LearnOptions
+    demonstrations: DemonstrationSet, bound: float, share: float, options: LearnOptions
 ) -> tuple[str, ...]:
-    if forced <= FORCED_SHARE * demonstrations.extent:
+    if bound <= BOUND_SHARE * demonstrations.extent:
         return ()
     hint = " --metric learned may fit better." if options.metric == "euclidean" else ""
     return (
         f"on {share:.0%} of the demonstrated path V would have to grow, which a quadratic V forbids: "
-        f"expect the motion to stay {forced:.2g} {demonstrations.space.unit} off it on average.{hint}",
+        f"the motion stays at least {bound:.2g} {demonstrations.space.unit} off it on average.{hint}",
     )

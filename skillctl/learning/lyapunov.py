@@ -1,8 +1,8 @@
 """The Lyapunov matrix P from the demonstrations, and what a quadratic V costs them.
 
 Along any solution V = ξᵀPξ falls, so s = √V falls. A demonstration on which s rises cannot be followed
-exactly: between a dip and a later peak some point is off by at least half their difference. That distance,
-known before anything is learned, is what P is chosen to make small (ours).
+exactly: of a dip and a later peak, one at least is missed by half their difference or more. How much that
+is, known before anything is learned, is what P is chosen to make small (ours).
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ CONDITION_WEIGHT = 0.02  # keeps P round where the data does not care; in rms di
 SOFT = 0.02  # below this share of the rms distance a deviation counts quadratically
 
 
-def forced_deviation(lyapunov: FloatArray, positions: FloatArray) -> FloatArray:
-    """Return how far a motion with falling V must stay from each point of a demonstration.
+def rise(lyapunov: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return half of how far V rises across each point of a demonstration, as a distance there.
 
-    For s = √(ξᵀPξ) the monotone function nearest to s (in the largest difference) is the mean of the
-    running maximum from the end and the running minimum from the start; the difference, divided by the
-    length of the gradient of s, is a distance.
+    That is ½ (max of s from here on − min of s up to here) for s = √(ξᵀPξ), divided by the length of the
+    gradient of s. The largest of them is what a motion with falling V must miss somewhere.
 
     Args:
         lyapunov: P, shape (d, d).
@@ -47,6 +46,47 @@ def rising_share(lyapunov: FloatArray, positions: FloatArray) -> float:
     return float(lengths[np.diff(v, axis=-1) > 0].sum() / lengths.sum())
 
 
+def deviation_bound(lyapunov: FloatArray, positions: FloatArray) -> float:
+    """Return a distance that no motion with falling V gets below, on average over the demonstrations.
+
+    Match the points of a demonstration, in order, to points of any motion along which V falls: their s
+    falls too, so the mean of |s − matched s| is at least that of the best falling fit of s, and s changes
+    by at most √λ_max(P) per unit of distance. Exact for P = I and a radial detour, loose for a P far from
+    round. Points count by the length of path they stand for.
+
+    Args:
+        lyapunov: P, shape (d, d).
+        positions: Relative to the attractor, shape (D, T, d), in the order of time.
+
+    Returns:
+        In the unit of the positions.
+    """
+    s = np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", positions, lyapunov, positions), 0.0))
+    lengths = np.linalg.norm(np.diff(positions, axis=1), axis=2)
+    weights = 0.5 * (np.pad(lengths, ((0, 0), (0, 1))) + np.pad(lengths, ((0, 0), (1, 0))))
+    misses = [w @ np.abs(path - falling_fit(path, w)) for path, w in zip(s, weights, strict=True)]
+    steepest = float(np.sqrt(np.linalg.eigvalsh(lyapunov)[-1]))
+    return float(np.sum(misses) / weights.sum()) / steepest
+
+
+def falling_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the non-increasing sequence with the least Σ w |value − fit|, by pooling adjacent violators."""
+    blocks: list[tuple[float, int, int]] = []  # weighted median, first, one past the last
+    for index in range(len(values)):
+        median, first = float(values[index]), index
+        while blocks and blocks[-1][0] < median:
+            first = blocks.pop()[1]
+            median = _weighted_median(values[first : index + 1], weights[first : index + 1])
+        blocks.append((median, first, index + 1))
+    return np.concatenate([np.full(end - first, median) for median, first, end in blocks])
+
+
+def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    order = np.argsort(values)
+    covered = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(covered, 0.5 * covered[-1])])
+
+
 def learn_lyapunov(motions: Sequence[FloatArray]) -> FloatArray:
     """Return P ≻ 0 (d, d), trace d, that forces the demonstrations off their path the least.
 
@@ -64,8 +104,8 @@ def learn_lyapunov(motions: Sequence[FloatArray]) -> FloatArray:
 
     def residuals(parameters: FloatArray) -> FloatArray:
         lyapunov = _exponential(parameters, d)
-        forced = np.concatenate([forced_deviation(lyapunov, motion).ravel() for motion in motions])
-        return np.append(forced / np.sqrt(forced.size), CONDITION_WEIGHT * parameters)
+        rises = np.concatenate([rise(lyapunov, motion).ravel() for motion in motions])
+        return np.append(rises / np.sqrt(rises.size), CONDITION_WEIGHT * parameters)
 
     fits = [
         least_squares(residuals, start, loss="soft_l1", f_scale=SOFT / 20, max_nfev=12)

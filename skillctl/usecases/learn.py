@@ -164,7 +164,7 @@ def _artifact(fitted: Fit, read: ReadResult, operation: Operation) -> Artifact:
     results = {
         "objective": fitted.objective,
         "log_likelihood": fitted.log_likelihood,
-        "forced_deviation": fitted.forced_deviation,
+        "deviation_bound": fitted.deviation_bound,
         "rising_share": fitted.rising_share,
     }
     return Artifact(

@@ -44,7 +44,7 @@ def test_handwriting_is_reproduced_within_millimetres_and_stable(
     result = fit(demonstrations)
     assert worst_slack(result.skill) > 0
     # Two demonstrations of one motion differ by 2.1 mm on average; the motion's own bound is added.
-    assert mean_distance(result.skill, result.demonstrations) < 2.1e-3 + result.forced_deviation
+    assert mean_distance(result.skill, result.demonstrations) < 2.1e-3 + result.deviation_bound
 
 
 @pytest.mark.parametrize("period", [0.002, 0.01, 0.05])
