@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact
     from skillctl.store.files import write_file
+    from skillctl.store.locating import locate, locate_store, resolve
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
-    from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store, resolve
+    from skillctl.store.registry import Located, Registry, StoredVersion
     from skillctl.store.schema import (
         DemonstrationReport,
         InputRecord,
@@ -22,15 +23,18 @@ if TYPE_CHECKING:
         Provenance,
         label,
     )
+    from skillctl.store.seal import Header, read_header
     from skillctl.store.writer import encode
 
 _MODULES = {
     "artifact": ("Artifact",),
     "files": ("write_file",),
+    "locating": ("locate", "locate_store", "resolve"),
     "provenance": ("current_provenance", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
-    "registry": ("Located", "Registry", "StoredVersion", "locate", "locate_store", "resolve"),
+    "registry": ("Located", "Registry", "StoredVersion"),
     "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance", "label"),
+    "seal": ("Header", "read_header"),
     "writer": ("encode",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
@@ -38,6 +42,7 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "Artifact",
     "DemonstrationReport",
+    "Header",
     "InputRecord",
     "Located",
     "Operation",
@@ -54,6 +59,7 @@ __all__ = [
     "label",
     "locate",
     "locate_store",
+    "read_header",
     "read_skill",
     "resolve",
     "write_file",

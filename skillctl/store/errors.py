@@ -80,6 +80,17 @@ class UnsafeStoreError(ArtifactError):
         )
 
 
+class InvalidRefsError(ArtifactError):
+    """The aliases of a skill cannot be read: the file was changed by hand, or a merge left marks in it."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        self.name, self.reason = name, reason
+        super().__init__(
+            f"the aliases in {printable(name)} cannot be read: {printable(reason)}.",
+            hint="Below [aliases] a line is like `release = 3`. Correct it, or remove the file and tag anew.",
+        )
+
+
 def require_format(name: str, found: object) -> None:
     """Raise unless ``found`` is a format version that this build reads.
 

@@ -25,6 +25,23 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
         NotAnArtifactError: A link, directory, pipe, device, or larger than ``limit`` bytes.
         StoreError: The system does not let us read it.
     """
+    with _opened(path, limit) as (descriptor, _), os.fdopen(descriptor, "rb", closefd=False) as file:
+        return file.read(limit + 1)
+
+
+def read_beginning(path: Path, length: int, limit: int = MAX_FILE_BYTES) -> tuple[bytes, int]:
+    """Return the first bytes of a regular file, and the size of the whole.
+
+    Raises:
+        See ``read_once``.
+    """
+    with _opened(path, limit) as (descriptor, size):
+        return os.read(descriptor, length), size
+
+
+@contextmanager
+def _opened(path: Path, limit: int) -> Iterator[tuple[int, int]]:
+    """Open a regular file to read it; yield its descriptor and its size."""
     # A link may point anywhere, and opening a pipe would wait for its writer.
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
@@ -38,8 +55,7 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
                 raise NotAnArtifactError(str(path), "not a regular file")
             if status.st_size > limit:
                 raise NotAnArtifactError(str(path), f"larger than {limit >> 20} MiB, as no artifact is")
-            with os.fdopen(descriptor, "rb", closefd=False) as file:
-                return file.read(limit + 1)
+            yield descriptor, status.st_size
     finally:
         os.close(descriptor)
 

@@ -6,14 +6,13 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skillctl.store.errors import Refusal
 
-FORMAT_VERSION: Final = 1
 FORMAT_MARK = b"skill-v1"  # value of the attribute `format` of the root group
 
 META = "meta.json"

@@ -16,7 +16,8 @@ from skillctl.store.files import read_once
 from skillctl.store.hdf5 import h5py
 from skillctl.store.layout import Array, content_digest
 from skillctl.store.policy import checked_datasets
-from skillctl.store.seal import require_seal
+from skillctl.store.seal import Header, require_seal, require_stated
+from skillctl.store.tree import node_of
 
 
 def read_skill(path: Path) -> Artifact:
@@ -36,9 +37,11 @@ def decode(data: bytes, name: str = "artifact") -> Artifact:
     Raises:
         ArtifactError: Anything is not as the format demands.
     """
-    arrays = read_arrays(data, name)
+    header, arrays = _read_arrays(data, name)
     with _refusing(name):
-        return artifact_of(arrays, name)
+        artifact = artifact_of(arrays, name)
+    require_stated(header, node_of(artifact.skill).kind, artifact.digest, name)
+    return artifact
 
 
 def digest_of(data: bytes, name: str = "artifact") -> str:
@@ -47,18 +50,18 @@ def digest_of(data: bytes, name: str = "artifact") -> str:
     Raises:
         ArtifactError: Damaged, or a layout that the format does not allow.
     """
-    return content_digest(read_arrays(data, name))
+    header, arrays = _read_arrays(data, name)
+    digest = content_digest(arrays)
+    require_stated(header, header.kind, digest, name)
+    return digest
 
 
-def read_arrays(data: bytes, name: str) -> dict[str, Array]:
-    """Return the arrays of an artifact by path: seal first, then every rule, then the numbers.
-
-    Raises:
-        ArtifactError: Damaged, or a layout that the format does not allow.
-    """
-    require_seal(data, name)
+def _read_arrays(data: bytes, name: str) -> tuple[Header, dict[str, Array]]:
+    """Return the header, and the arrays by path: seal first, then every rule, then the numbers."""
+    header = require_seal(data, name)
     with _refusing(name), h5py.File(BytesIO(data), "r") as file:
-        return {path: _read(dataset) for path, dataset in checked_datasets(file.id, name).items()}
+        datasets = checked_datasets(file.id, name)
+        return header, {path: _read(dataset) for path, dataset in datasets.items()}
 
 
 def _read(dataset: h5py.h5d.DatasetID) -> Array:

@@ -15,7 +15,7 @@ _VERSION = re.compile(r"[1-9][0-9]{0,5}")
 _DIGEST = re.compile(r"sha256:[0-9a-f]{8,64}")
 _WORD = re.compile(r"[a-z][a-z0-9._-]{0,63}")
 
-EXAMPLES = "A skill is named path/to/file.h5, name, name@3, name@latest or name@sha256:0123abcd."
+EXAMPLES = "A skill is named path/to/file.h5, name, name@3, name@latest, name@alias or name@sha256:0123abcd."
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Reference:
 
     Attributes:
         name: Directory of the skill in the store.
-        selector: A version number, the beginning of a content digest (``sha256:…``), or a word.
+        selector: A version number, the beginning of a content digest (``sha256:…``), ``latest`` or an alias.
     """
 
     name: str
@@ -34,6 +34,16 @@ class Reference:
 def is_name(text: str) -> bool:
     """Tell whether a skill can be called so."""
     return _NAME.fullmatch(text) is not None and not text.endswith(".h5")
+
+
+def is_version(text: str) -> bool:
+    """Tell whether a version can have this number."""
+    return _VERSION.fullmatch(text) is not None
+
+
+def is_word(text: str) -> bool:
+    """Tell whether ``text`` can stand behind the @ as ``latest`` or an alias."""
+    return _WORD.fullmatch(text) is not None
 
 
 def require_name(name: str) -> str:
@@ -63,8 +73,8 @@ def parse_reference(text: str) -> Path | Reference:
         raise UsageError(f"{printable(text)[:80]!r} cannot name a skill.", hint=EXAMPLES)
     if not at:
         return Reference(name)
-    if _VERSION.fullmatch(selector):
+    if is_version(selector):
         return Reference(name, int(selector))
-    if _DIGEST.fullmatch(selector) or _WORD.fullmatch(selector):
+    if _DIGEST.fullmatch(selector) or is_word(selector):
         return Reference(name, selector)
     raise UsageError(f"{printable(text)[:80]!r}: no version can be named like that.", hint=EXAMPLES)

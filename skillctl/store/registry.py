@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import difflib
 import os
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, UsageError, printable
+from skillctl.errors import ArtifactError, NotFoundError, StoreError, printable
+from skillctl.store.aliases import read_aliases, require_alias, write_aliases
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import missing_file, read_once, system_errors
+from skillctl.store.numbering import existing_versions, highest_given, locked, remove_versions
 from skillctl.store.publishing import Link, staged
-from skillctl.store.references import MAX_VERSION, Reference, is_name, parse_reference, require_name
-
-STORE_VARIABLE = "SKILLCTL_STORE"
-STORE_NAME = "skills"
-
-_VERSION_FILE = re.compile(r"([1-9][0-9]{0,5})\.h5")
+from skillctl.store.references import MAX_VERSION, is_name, parse_reference, require_name
+from skillctl.store.seal import read_header
+from skillctl.store.selection import select, unknown_alias
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +60,11 @@ class Registry:
                 return ()
             entries = [entry for entry in os.scandir(self.root) if entry.is_dir(follow_symlinks=False)]
             return tuple(
-                sorted(entry.name for entry in entries if is_name(entry.name) and _numbers(Path(entry.path)))
+                sorted(
+                    entry.name
+                    for entry in entries
+                    if is_name(entry.name) and existing_versions(Path(entry.path))
+                )
             )
 
     def versions(self, name: str) -> tuple[int, ...]:
@@ -76,7 +78,7 @@ class Registry:
         with system_errors(f"list {self.root / name}"):
             if not (_is_directory(self.root) and _is_directory(self.root / name)):
                 return ()
-            return _numbers(self.root / name)
+            return existing_versions(self.root / name)
 
     def path_of(self, name: str, version: int) -> Path:
         """Return where a version is, or would be, stored."""
@@ -95,11 +97,16 @@ class Registry:
         """
         parsed = parse_reference(reference)
         if isinstance(parsed, Path):
-            return _existing(parsed)
+            return existing_file(parsed)
         numbers = self.versions(parsed.name)
         if not numbers:
-            raise self._unknown_name(parsed)
-        version = self._select(parsed, numbers)
+            raise self._unknown_name(parsed.name)
+        version = select(
+            parsed,
+            numbers,
+            lambda: self.aliases(parsed.name),
+            lambda number: self._stated_digest(parsed.name, number),
+        )
         return Located(self.path_of(parsed.name, version), parsed.name, version)
 
     def publish(self, name: str, data: bytes) -> StoredVersion:
@@ -125,15 +132,81 @@ class Registry:
             version = self._newest_with(digest, name, directory)
             if version is not None:
                 return StoredVersion(name, version, self.path_of(name, version), digest, created=False)
-            with staged(directory, data) as link:
+            with staged(directory, data) as link, locked(directory, shared=True):
                 version, created = self._link_next(link, digest, name, directory)
             os.fsync(directory)
         return StoredVersion(name, version, self.path_of(name, version), digest, created)
 
+    def aliases(self, name: str) -> dict[str, int]:
+        """Return the version of each alias of a skill, by alias.
+
+        Raises:
+            InvalidRefsError: The file that holds them cannot be understood.
+        """
+        return read_aliases(self.root / require_name(name))
+
+    def tag(self, name: str, version: int, alias: str) -> int | None:
+        """Let an alias name a version, and return the one that it named before, if any.
+
+        Raises:
+            UsageError: No version can be called so.
+            NotFoundError: There is no such version.
+            InvalidRefsError: The file that holds the aliases cannot be understood; it is left as it is.
+        """
+        require_alias(alias)
+        with self._changing(name) as directory:
+            if version not in existing_versions(directory):
+                raise NotFoundError(f"{name} has no version {version}.", hint="`skillctl ls` lists them.")
+            aliases = self.aliases(name)
+            before = aliases.get(alias)
+            if before != version:
+                write_aliases(self.root / name, {**aliases, alias: version})
+        return before
+
+    def untag(self, name: str, alias: str) -> int:
+        """Remove an alias and return the version that it named.
+
+        Raises:
+            NotFoundError: There is no such skill or alias.
+            InvalidRefsError: The file that holds the aliases cannot be understood; it is left as it is.
+        """
+        with self._changing(name):
+            aliases = self.aliases(name)
+            if alias not in aliases:
+                raise unknown_alias(name, printable(alias)[:80], aliases)
+            version = aliases.pop(alias)
+            write_aliases(self.root / name, aliases)
+        return version
+
+    def remove(self, name: str, versions: Iterable[int]) -> dict[str, int]:
+        """Remove versions of a skill with their aliases, and return those; their numbers stay taken.
+
+        Raises:
+            NotFoundError: There is no such skill.
+            InvalidRefsError: The file that holds the aliases cannot be understood; nothing is removed.
+        """
+        with self._changing(name) as directory:
+            doomed = set(versions) & set(existing_versions(directory))
+            aliases = self.aliases(name)
+            lost = {alias: version for alias, version in aliases.items() if version in doomed}
+            if lost:
+                write_aliases(self.root / name, {a: v for a, v in aliases.items() if a not in lost})
+            remove_versions(directory, doomed)
+        return lost
+
+    @contextmanager
+    def _changing(self, name: str) -> Iterator[int]:
+        """Open the directory of a skill that exists, and keep all others from changing it."""
+        if not self.versions(name):
+            raise self._unknown_name(name)
+        doing = system_errors(f"change {name} in {self.root}")
+        with doing, self._opened(name) as directory, locked(directory):
+            yield directory
+
     def _link_next(self, link: Link, digest: str, name: str, directory: int) -> tuple[int, bool]:
         """Give the staged file the next free number; return it, and whether that was needed."""
         while True:
-            version = max(_numbers(directory), default=0) + 1
+            version = highest_given(directory) + 1
             if version > MAX_VERSION:
                 raise StoreError(f"{name} has {MAX_VERSION} versions; no more fit.")
             try:
@@ -167,8 +240,15 @@ class Registry:
 
     def _newest_with(self, digest: str, name: str, directory: int) -> int | None:
         """Return the newest version if it has this content."""
-        version = max(_numbers(directory), default=0)
+        version = max(existing_versions(directory), default=0)
         return version if version and self._digest(name, version) == digest else None
+
+    def _stated_digest(self, name: str, version: int) -> str | None:
+        """Return the content digest that a version states; whoever reads the version checks it."""
+        try:
+            return read_header(self.path_of(name, version)).digest
+        except (ArtifactError, NotFoundError, StoreError):
+            return None
 
     def _digest(self, name: str, version: int) -> str | None:
         """Return the content digest of a version, None if it cannot be read."""
@@ -180,44 +260,11 @@ class Registry:
         except (ArtifactError, NotFoundError, StoreError):
             return None
 
-    def _select(self, reference: Reference, numbers: tuple[int, ...]) -> int:
-        selector = reference.selector
-        if selector == "latest":
-            return numbers[-1]
-        if isinstance(selector, str) and selector.startswith("sha256:"):
-            return self._with_digest(reference.name, selector, numbers)
-        if selector in numbers:
-            return int(selector)
-        raise NotFoundError(
-            f"{reference.name} has no version {selector}.",
-            hint=f"It has {_ranges(numbers)}; `{reference.name}` alone names the newest.",
-        )
-
-    def _with_digest(self, name: str, beginning: str, numbers: tuple[int, ...]) -> int:
-        found: dict[int, str] = {}
-        for number in reversed(numbers):
-            digest = self._digest(name, number) or ""
-            if digest == beginning:
-                return number
-            if digest.startswith(beginning):
-                found[number] = digest
-        if not found:
-            raise NotFoundError(
-                f"no version of {name} has a content digest beginning {beginning}.",
-                hint=f"It has {_ranges(numbers)}.",
-            )
-        if len(set(found.values())) > 1:
-            raise UsageError(
-                f"{len(found)} versions of {name} have a content digest beginning {beginning}.",
-                hint=f"Give more digits: {', '.join(found.values())}.",
-            )
-        return next(iter(found))
-
-    def _unknown_name(self, reference: Reference) -> NotFoundError:
+    def _unknown_name(self, name: str) -> NotFoundError:
         known = self.names()
-        near = difflib.get_close_matches(reference.name, known, n=3, cutoff=0.5)
-        if Path(reference.name).is_file():
-            hint = f"For the file of that name, write ./{reference.name}."
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        if Path(name).is_file():
+            hint = f"For the file of that name, write ./{name}."
         elif near:
             hint = f"Did you mean {' or '.join(near)}?"
         elif known:
@@ -225,7 +272,7 @@ class Registry:
         else:
             hint = "It holds no skills yet; `skillctl learn DATA --name NAME` stores one."
         return NotFoundError(
-            f"the store {printable(str(self.root))} has no skill {reference.name}.", hint=printable(hint)
+            f"the store {printable(str(self.root))} has no skill {name}.", hint=printable(hint)
         )
 
 
@@ -236,48 +283,8 @@ def _is_directory(path: Path) -> bool:
     return path.is_dir()
 
 
-def _numbers(directory: int | Path) -> tuple[int, ...]:
-    matches = (_VERSION_FILE.fullmatch(entry) for entry in os.listdir(directory))  # noqa: PTH208 - may be a descriptor
-    return tuple(sorted(int(match[1]) for match in matches if match))
-
-
-def _existing(path: Path) -> Located:
+def existing_file(path: Path) -> Located:
+    """Return where a file is, or raise NotFoundError with files of similar names."""
     if not os.path.lexists(path):
         raise missing_file(path)
     return Located(path)
-
-
-def _ranges(numbers: tuple[int, ...]) -> str:
-    """Return ``version 1``, ``versions 1 to 7`` or ``versions 1 to 7 (5 of them)``."""
-    if len(numbers) == 1:
-        return f"version {numbers[0]}"
-    gaps = f" ({len(numbers)} of them)" if numbers[-1] - numbers[0] >= len(numbers) else ""
-    return f"versions {numbers[0]} to {numbers[-1]}{gaps}"
-
-
-def locate_store(explicit: Path | None = None) -> Path:
-    """Return the directory of the store.
-
-    The one given; else ``SKILLCTL_STORE``; else the nearest directory ``skills`` from the working directory
-    upwards; else the one in the user's data folder. A link is followed where the user names it.
-    """
-    named = explicit or os.environ.get(STORE_VARIABLE)
-    if named:
-        return Path(named).resolve()
-    here = Path.cwd()
-    for directory in (here, *here.parents):
-        if (directory / STORE_NAME).is_dir():
-            return directory / STORE_NAME
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data) / "skillctl" / STORE_NAME
-
-
-def locate(reference: str, store: Path | None = None) -> Located:
-    """Return what a reference leads to, in the store that ``locate_store`` finds; see ``Registry.locate``."""
-    parsed = parse_reference(reference)
-    return _existing(parsed) if isinstance(parsed, Path) else Registry(locate_store(store)).locate(reference)
-
-
-def resolve(reference: str, store: Path | None = None) -> Path:
-    """Return the file that a reference names; see ``Registry.locate``."""
-    return locate(reference, store).path

@@ -22,7 +22,7 @@ from pydantic import (
 from skillctl.errors import printable
 from skillctl.model.skill import CombineGate, MergeGate
 from skillctl.store.errors import Refusal
-from skillctl.store.layout import FORMAT_VERSION
+from skillctl.store.seal import FORMAT_VERSION
 
 MAX_LABEL = 200
 MAX_TEXT = 1000
@@ -96,6 +96,7 @@ def _is_relative(path: str) -> str:
 
 Label = Annotated[str, _tidied(label, str), Field(max_length=MAX_LABEL), AfterValidator(_is_printable)]
 Text = Annotated[str, Field(max_length=MAX_TEXT), AfterValidator(_is_printable)]
+Note = Annotated[Text, Field(min_length=1)]
 Name = Annotated[Label, Field(min_length=1)]
 RelativePath = Annotated[Name, AfterValidator(_is_relative)]
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
@@ -171,12 +172,14 @@ class Operation(Strict):
         options: Every option that influenced the result, by its long name with underscores.
         seed: Of all random numbers; None where none were drawn.
         results: What came out, for people and reports: errors, iterations, warnings.
+        note: What its maker wants to be remembered about it.
     """
 
     command: Literal["learn", "merge", "combine"]
     options: Facts = {}
     seed: Count | None = None
     results: Facts = {}
+    note: Note | None = None
 
 
 class DemonstrationReport(Strict):

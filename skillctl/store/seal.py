@@ -4,24 +4,93 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
-from skillctl.store.errors import DamagedArtifactError, NotAnArtifactError, require_format
-from skillctl.store.layout import FORMAT_VERSION
+from skillctl.store.errors import (
+    DamagedArtifactError,
+    InvalidArtifactError,
+    NotAnArtifactError,
+    require_format,
+)
+from skillctl.store.files import read_beginning
 
+FORMAT_VERSION: Final = 1
 SEAL_BYTES = 512
 # Not ASCII, CR LF, Ctrl-Z and LF: whatever a text-mode transfer changes, it changes here first.
 MAGIC = b"\x89SKILL\r\n\x1a\n"
 
-_LINE = re.compile(rb"(\d{1,9}) (\d{1,12}) ([0-9a-f]{64})\n\0+")
+_LINES = re.compile(
+    rb"(\d{1,9}) (\d{1,12}) ([0-9a-f]{64})\n(seds|merged|combined) (sha256:[0-9a-f]{64})\n\0+"
+)
 
 
-def seal(body: bytes) -> bytes:
-    """Return the 512 bytes that belong in front of ``body``."""
-    line = f"{FORMAT_VERSION} {len(body)} {hashlib.sha256(body).hexdigest()}\n"
-    return (MAGIC + line.encode("ascii")).ljust(SEAL_BYTES, b"\0")
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What the first 512 bytes state, so that a list of skills need not open them.
+
+    Attributes:
+        body_bytes, sha256: Size and SHA-256 of all that follows.
+        kind: ``seds``, ``merged`` or ``combined``.
+        digest: Content digest, ``sha256:…``. A reader of the whole file checks it.
+    """
+
+    body_bytes: int
+    sha256: str
+    kind: str
+    digest: str
+
+    def to_bytes(self) -> bytes:
+        """Return the 512 bytes."""
+        lines = f"{FORMAT_VERSION} {self.body_bytes} {self.sha256}\n{self.kind} {self.digest}\n"
+        return (MAGIC + lines.encode("ascii")).ljust(SEAL_BYTES, b"\0")
 
 
-def require_seal(data: bytes, name: str) -> None:
+def seal(body: bytes, kind: str, digest: str) -> bytes:
+    """Return the 512 bytes that belong in front of ``body``, a skill of that kind and content digest."""
+    return Header(len(body), hashlib.sha256(body).hexdigest(), kind, digest).to_bytes()
+
+
+def parse_header(beginning: bytes, size: int, name: str) -> Header:
+    """Return what the first 512 bytes of a file of ``size`` bytes state; nothing after them is looked at.
+
+    Raises:
+        NotAnArtifactError: It does not begin as an artifact does.
+        TooNewFormatError, TooOldFormatError: Another format version.
+        DamagedArtifactError: Cut, extended, or another beginning than an artifact can have.
+    """
+    if not beginning.startswith(MAGIC):
+        _explain_magic(beginning, name)
+    stated = re.match(rb"(\d{1,9}) ", beginning[len(MAGIC) : len(MAGIC) + 10])
+    if stated:
+        require_format(name, int(stated[1]))
+    lines = _LINES.fullmatch(beginning[len(MAGIC) : SEAL_BYTES])
+    if lines is None:
+        raise DamagedArtifactError(
+            name, f"its first {SEAL_BYTES} bytes are not a seal (format {FORMAT_VERSION})"
+        )
+    header = Header(int(lines[2]), *(lines[group].decode("ascii") for group in (3, 4, 5)))
+    length = size - SEAL_BYTES
+    if header.body_bytes != length:
+        what = "cut short" if length < header.body_bytes else "extended"
+        raise DamagedArtifactError(
+            name, f"{what}: {length} bytes after the seal, {header.body_bytes} were written"
+        )
+    return header
+
+
+def read_header(path: Path) -> Header:
+    """Return what a file states in its first 512 bytes, without reading the rest.
+
+    Raises:
+        NotFoundError, StoreError: It cannot be read.
+        ArtifactError: It is not an artifact of a readable format, or not of the stated size.
+    """
+    return parse_header(*read_beginning(path, SEAL_BYTES), str(path))
+
+
+def require_seal(data: bytes, name: str) -> Header:
     """Raise unless ``data`` is a sealed artifact of a readable format, bit for bit as it was written.
 
     Raises:
@@ -29,25 +98,18 @@ def require_seal(data: bytes, name: str) -> None:
         TooNewFormatError, TooOldFormatError: Another format version.
         DamagedArtifactError: Cut, extended or changed.
     """
-    if not data.startswith(MAGIC):
-        _explain_magic(data, name)
-    stated = re.match(rb"(\d{1,9}) ", data[len(MAGIC) : len(MAGIC) + 10])
-    if stated:
-        require_format(name, int(stated[1]))
-    line = _LINE.fullmatch(data[len(MAGIC) : SEAL_BYTES])
-    if line is None:
-        raise DamagedArtifactError(
-            name, f"its first {SEAL_BYTES} bytes are not a seal (format {FORMAT_VERSION})"
-        )
-    stated_length, length = int(line[2]), len(data) - SEAL_BYTES
-    if stated_length != length:
-        what = "cut short" if length < stated_length else "extended"
-        raise DamagedArtifactError(
-            name, f"{what}: {length} bytes after the seal, {stated_length} were written"
-        )
-    # One comparison settles all 512 bytes: there is exactly one seal for a body.
-    if seal(data[SEAL_BYTES:]) != data[:SEAL_BYTES]:
+    header = parse_header(data[:SEAL_BYTES], len(data), name)
+    # One comparison settles all 512 bytes: there is exactly one seal for a body, its kind and its digest.
+    if seal(data[SEAL_BYTES:], header.kind, header.digest) != data[:SEAL_BYTES]:
         raise DamagedArtifactError(name, "its contents do not match its seal")
+    return header
+
+
+def require_stated(header: Header, kind: str, digest: str, name: str) -> None:
+    """Raise InvalidArtifactError unless the header states what the body holds."""
+    for what, stated, found in (("a kind", header.kind, kind), ("a digest", header.digest, digest)):
+        if stated != found:
+            raise InvalidArtifactError(name, f"its seal states {what} of {stated}, but it holds {found}")
 
 
 def _explain_magic(data: bytes, name: str) -> None:

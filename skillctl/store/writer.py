@@ -12,8 +12,9 @@ from skillctl.store.artifact import Artifact, arrays_of
 from skillctl.store.errors import Refusal
 from skillctl.store.files import MAX_FILE_BYTES
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import ARRAYS, FORMAT_MARK, Array, require_layout
+from skillctl.store.layout import ARRAYS, FORMAT_MARK, Array, content_digest, require_layout
 from skillctl.store.seal import SEAL_BYTES, seal
+from skillctl.store.tree import node_of
 
 
 def encode(artifact: Artifact) -> bytes:
@@ -28,22 +29,22 @@ def encode(artifact: Artifact) -> bytes:
         require_layout({path: array.shape for path, array in arrays.items()})
     except Refusal as reason:
         raise _too_large(str(reason)) from None
-    data = encode_arrays(arrays)
+    body = body_of(arrays)
+    data = seal(body, node_of(artifact.skill).kind, content_digest(arrays)) + body
     if len(data) > MAX_FILE_BYTES:
         raise _too_large(f"{len(data) >> 20} MiB")
     return data
 
 
-def encode_arrays(arrays: Mapping[str, Array]) -> bytes:
-    """Return the sealed file that holds ``arrays``, by path."""
+def body_of(arrays: Mapping[str, Array]) -> bytes:
+    """Return all of the file that holds ``arrays``, by path, but its seal."""
     file = BytesIO()
     # "earliest" is what every HDF5 tool in use reads; objects in one order, without times, give one result.
     with h5py.File(file, "w", userblock_size=SEAL_BYTES, libver="earliest") as body:
         body.attrs.create("format", np.bytes_(FORMAT_MARK))
         for path in sorted(arrays):
             body.create_dataset(path, data=arrays[path].astype(ARRAYS[path].dtype), track_times=False)
-    stored = file.getvalue()[SEAL_BYTES:]
-    return seal(stored) + stored
+    return file.getvalue()[SEAL_BYTES:]
 
 
 def _too_large(what: str) -> StoreError:

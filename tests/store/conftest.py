@@ -129,39 +129,61 @@ def good(nested: store.Artifact) -> bytes:
     return store.encode(nested)
 
 
-def sealed(body: bytes) -> bytes:
+def digest_by_the_page(body: bytes) -> str:
+    """Compute a content digest from the specification."""
+    digest = hashlib.sha256(b"skill-v1\n")
+    with h5py.File(BytesIO(b"\0" * 512 + body)) as file:
+        paths = []
+        file.visititems(lambda path, item: paths.append(path) if isinstance(item, h5py.Dataset) else None)
+        for path in sorted(paths):
+            array = file[path][()]
+            shape = ",".join(str(n) for n in array.shape)
+            kind = {"float64": "<f8", "int64": "<i8", "uint8": "<u1"}[str(array.dtype)]
+            digest.update(f"/{path} {kind} {shape}\n".encode() + array.astype(kind).tobytes("C"))
+    return f"sha256:{digest.hexdigest()}"
+
+
+def sealed(body: bytes, kind: str = "combined", digest: str = f"sha256:{'0' * 64}") -> bytes:
     """Seal any bytes as an attacker would, from the specification."""
-    line = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\n".encode()
-    return (b"\x89SKILL\r\n\x1a\n" + line).ljust(512, b"\0") + body
+    lines = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\n{kind} {digest}\n".encode()
+    return (b"\x89SKILL\r\n\x1a\n" + lines).ljust(512, b"\0") + body
 
 
 @pytest.fixture(scope="session")
-def reseal() -> Callable[[bytes], bytes]:
+def reseal() -> Callable[..., bytes]:
     return sealed
 
 
 @pytest.fixture(scope="session")
-def hostile(good: bytes) -> Callable[[Callable[[h5py.File], object]], bytes]:
-    """Edit the body of a good artifact with h5py, and seal it again."""
+def page_digest() -> Callable[[bytes], str]:
+    return digest_by_the_page
 
-    def edit_and_seal(edit: Callable[[h5py.File], object], **options: object) -> bytes:
+
+@pytest.fixture(scope="session")
+def hostile(good: bytes) -> Callable[[Callable[[h5py.File], object]], bytes]:
+    """Edit the body of a good artifact with h5py, and seal it again; the seal is honest where asked for."""
+
+    def edit_and_seal(
+        edit: Callable[[h5py.File], object], *, honest: bool = False, **options: object
+    ) -> bytes:
         file = BytesIO(good)
         with h5py.File(file, "r+", **options) as body:
             edit(body)
-        return sealed(file.getvalue()[512:])
+        body = file.getvalue()[512:]
+        return sealed(body, digest=digest_by_the_page(body)) if honest else sealed(body)
 
     return edit_and_seal
 
 
 @pytest.fixture(scope="session")
-def with_meta(hostile) -> Callable[[bytes], bytes]:
+def with_meta(hostile) -> Callable[..., bytes]:
     """Replace meta.json by other bytes."""
 
-    def replace(text: bytes) -> bytes:
+    def replace(text: bytes, *, honest: bool = False) -> bytes:
         def edit(body: h5py.File) -> None:
             del body["meta.json"]
             body.create_dataset("meta.json", data=np.frombuffer(text, np.uint8), track_times=False)
 
-        return hostile(edit)
+        return hostile(edit, honest=honest)
 
     return replace

@@ -49,7 +49,7 @@ def test_numbers_agree():
     assert f"1 to {references.MAX_VERSION}" in PAGE
     assert re.search(rf"at most {schema.MAX_LABEL}\s+characters", PAGE)
     assert f"at most {schema.MAX_TEXT} characters" in PAGE
-    assert errors.READABLE_FORMATS == (layout.FORMAT_VERSION,)
+    assert errors.READABLE_FORMATS == (seal.FORMAT_VERSION,)
 
 
 def test_every_error_is_explained():

@@ -43,5 +43,6 @@ def test_archived_numbers_are_the_ones_that_were_written():
     assert [d.source for d in read.demonstrations[1]] == ["motion_4.csv", "motion_3.csv"]
     assert (read.demonstrations[1].demonstrations[0].positions[-1] == np.array([1.5, 0.75])).all()
     assert (read.operation.command, read.operation.options["weights"]) == ("combine", (0.5, 1))
+    assert read.operation.note == "slower near the shelf"
     assert (read.provenance.date, read.provenance.parents[0].version) == ("2020-02-29T12:00:00Z", 3)
     assert read.reports[0].dtw == 0.001953125

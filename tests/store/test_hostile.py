@@ -498,7 +498,7 @@ def test_an_unstable_skill_is_read(hostile):
         body["model/system_matrices"][1] = np.eye(2)
         body["model/system_matrices"][2] = np.array([[-1.0, 1e-300], [-1e-300, -5e-324]])
 
-    read = store.decode(hostile(edit))
+    read = store.decode(hostile(edit, honest=True))
     assert (read.skill.leaves[0].system_matrices[1] == np.eye(2)).all()
 
 
@@ -633,8 +633,25 @@ def test_a_tree_may_be_16_deep_and_no_deeper(with_meta, meta):
                      "sharpness": 1.0, "speed": 1.0}  # fmt: skip
         return json.dumps({**meta, "skill": {**skill, "parts": [first, skill["parts"][1]]}}).encode()
 
-    store.decode(with_meta(deep(12)))
+    store.decode(with_meta(deep(12), honest=True))
     refuse(with_meta(deep(13)), "nested more than 16 deep")
+
+
+# What the seal states
+
+
+@pytest.mark.parametrize("kind", ["seds", "merged"])
+def test_a_seal_that_states_another_kind(good, reseal, page_digest, kind):
+    digest = page_digest(good[512:])
+    assert reseal(good[512:], "combined", digest) == good
+    refuse(reseal(good[512:], kind, digest), f"its seal states a kind of {kind}, but it holds combined")
+
+
+def test_a_seal_that_states_another_digest(good, reseal):
+    data = reseal(good[512:])
+    refuse(data, f"its seal states a digest of sha256:{'0' * 64}, but it holds sha256:")
+    with pytest.raises(errors.InvalidArtifactError, match="states a digest"):
+        store.digest_of(data)
 
 
 # Format versions

@@ -147,7 +147,7 @@ good = Path(sys.argv[1]).read_bytes()
 digest, rng, counts = store.decode(good).digest, random.Random(sys.argv[2]), collections.Counter()
 
 def seal(body):
-    line = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\\n".encode()
+    line = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\\ncombined {digest}\\n".encode()
     return (b"\\x89SKILL\\r\\n\\x1a\\n" + line).ljust(512, b"\\0") + body
 
 def mutated(data):

@@ -80,6 +80,7 @@ def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command:
                 "options": {"metric": "learned", "n_components": 2, "target": None, "weights": [0.5, 1]},
                 "seed": 7,
                 "results": {"converged": True, "objective": 0.1},
+                "note": "slower near the shelf",
             }
         ),
         store.Provenance(

@@ -1,0 +1,42 @@
+"""Which store is meant, and what a reference leads to in it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from skillctl.store.references import parse_reference
+from skillctl.store.registry import Located, Registry, existing_file
+
+STORE_VARIABLE = "SKILLCTL_STORE"
+STORE_NAME = "skills"
+
+
+def locate_store(explicit: Path | None = None) -> Path:
+    """Return the directory of the store.
+
+    The one given; else ``SKILLCTL_STORE``; else the nearest directory ``skills`` from the working directory
+    upwards; else the one in the user's data folder. A link is followed where the user names it.
+    """
+    named = explicit or os.environ.get(STORE_VARIABLE)
+    if named:
+        return Path(named).resolve()
+    here = Path.cwd()
+    for directory in (here, *here.parents):
+        if (directory / STORE_NAME).is_dir():
+            return directory / STORE_NAME
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / "skillctl" / STORE_NAME
+
+
+def locate(reference: str, store: Path | None = None) -> Located:
+    """Return what a reference leads to, in the store that ``locate_store`` finds; see ``Registry.locate``."""
+    parsed = parse_reference(reference)
+    return (
+        existing_file(parsed) if isinstance(parsed, Path) else Registry(locate_store(store)).locate(reference)
+    )
+
+
+def resolve(reference: str, store: Path | None = None) -> Path:
+    """Return the file that a reference names; see ``Registry.locate``."""
+    return locate(reference, store).path

@@ -1,0 +1,225 @@
+"""Words for versions, kept as text; and numbers that stay taken when their version is removed."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from skillctl import store
+from skillctl.errors import NotFoundError, StoreError, UsageError
+from skillctl.store import errors, numbering
+
+
+@pytest.fixture(scope="module")
+def versions(make_seds, wrap):
+    return [store.encode(wrap(make_seds(seed))) for seed in range(4)]
+
+
+@pytest.fixture
+def registry(tmp_path, versions):
+    registry = store.Registry(tmp_path / "skills")
+    for data in versions[:3]:
+        registry.publish("reach", data)
+    return registry
+
+
+def test_an_alias_names_a_version_until_it_is_moved_or_removed(registry):
+    assert registry.tag("reach", 2, "release") is None
+    assert registry.locate("reach@release").version == 2
+    assert registry.tag("reach", 3, "release") == 2
+    assert registry.tag("reach", 1, "v1.0") is None
+    assert registry.aliases("reach") == {"release": 3, "v1.0": 1}
+    assert registry.locate("reach@v1.0").version == 1
+    assert registry.untag("reach", "release") == 3
+    with pytest.raises(NotFoundError, match="reach has no alias release") as caught:
+        registry.locate("reach@release")
+    assert "It has v1.0" in caught.value.hint
+
+
+def test_aliases_are_text_that_a_review_can_read(registry):
+    for version, alias in ((3, "release"), (1, "v1.0")):
+        registry.tag("reach", version, alias)
+    text = (registry.root / "reach" / "refs.toml").read_text(encoding="utf-8")
+    assert [line for line in text.splitlines() if not line.startswith("#")] == [
+        "[aliases]", "release = 3", '"v1.0" = 1',
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("alias", [
+    "3", "latest", "sha256:0123abcd", "", "-x", "Release", "a b", "a\n", "x" * 65, "a@b", "\x1b", "ä",
+], ids=repr)  # fmt: skip
+def test_what_cannot_be_an_alias(registry, alias):
+    with pytest.raises(UsageError, match="cannot be an alias") as caught:
+        registry.tag("reach", 1, alias)
+    assert str(caught.value).isprintable()
+    assert not (registry.root / "reach" / "refs.toml").exists()
+
+
+def test_only_what_exists_can_be_tagged_and_untagged(registry):
+    with pytest.raises(NotFoundError, match="reach has no version 9"):
+        registry.tag("reach", 9, "release")
+    with pytest.raises(NotFoundError, match="no skill rech"):
+        registry.tag("rech", 1, "release")
+    with pytest.raises(NotFoundError, match="no alias release"):
+        registry.untag("reach", "release")
+
+
+def entries_of(registry):
+    return [path.name for path in (registry.root / "reach").iterdir()]
+
+
+BROKEN = [
+    (b"[aliases\nrelease = 1", "not TOML"),
+    (b"<<<<<<< HEAD\n", "not TOML"),
+    (b"\xff\xfe", "not TOML"),
+    (b"a = " + b"[" * 100_000, "not TOML"),
+    (b"release = 1", "expected one table"),
+    (b"aliases = 3", "expected one table"),
+    (b"[aliases]\n[more]\n", "expected one table"),
+    (b"[aliases]\nrelease = '1'", "is not a version number"),
+    (b"[aliases]\nrelease = true", "is not a version number"),
+    (b"[aliases]\nrelease = 0", "is not a version number"),
+    (b"[aliases]\nrelease = 1000000", "is not a version number"),
+    (b"[aliases]\nv1.0 = 1", "is not a version number"),
+    (b"[aliases]\nlatest = 1", "cannot be an alias"),
+    (b'[aliases]\n"\\u001b[2J" = 1', "cannot be an alias"),
+    (b"#" * ((1 << 20) + 1), "larger than"),
+]
+
+
+@pytest.mark.parametrize(("content", "cause"), BROKEN, ids=range(len(BROKEN)))
+def test_a_broken_file_is_one_clear_error_and_stays_as_it_is(registry, content, cause):
+    (path := registry.root / "reach" / "refs.toml").write_bytes(content)
+    for act in (
+        lambda: registry.locate("reach@release"),
+        lambda: registry.tag("reach", 1, "release"),
+        lambda: registry.untag("reach", "release"),
+        lambda: registry.remove("reach", [1]),
+    ):
+        with pytest.raises(errors.InvalidRefsError, match=cause) as caught:
+            act()
+        assert "refs.toml" in str(caught.value)
+        assert str(caught.value).isprintable()
+    assert path.read_bytes() == content
+    assert registry.versions("reach") == (1, 2, 3)
+    assert registry.locate("reach@2").version == 2  # what names no alias still works
+
+
+def test_a_link_in_place_of_the_file_is_not_followed(registry, tmp_path):
+    (target := tmp_path / "target").write_text("[aliases]\nrelease = 1\n")
+    (registry.root / "reach" / "refs.toml").symlink_to(target)
+    with pytest.raises(errors.InvalidRefsError, match="a symbolic link"):
+        registry.locate("reach@release")
+
+
+def test_an_alias_of_a_version_that_is_gone_says_so(registry):
+    registry.tag("reach", 2, "release")
+    (registry.root / "reach" / "2.h5").unlink()
+    with pytest.raises(NotFoundError, match="reach@release is version 2, which does not exist"):
+        registry.locate("reach@release")
+
+
+def test_aliases_given_at_once_are_all_kept(registry):
+    names = [f"a{index}" for index in range(24)]
+    threads = [threading.Thread(target=registry.tag, args=("reach", 1, name)) for name in names]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(registry.aliases("reach")) == sorted(names)
+
+
+def test_when_the_disk_refuses_the_aliases_stay_what_they_were(registry, monkeypatch):
+    registry.tag("reach", 1, "release")
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(StoreError, match="No space left"):
+            registry.tag("reach", 2, "release")
+    assert registry.aliases("reach") == {"release": 1}
+    assert sorted(entries_of(registry)) == ["1.h5", "2.h5", "3.h5", "refs.toml"]
+
+
+# Removal
+
+
+def test_a_removed_version_loses_its_alias_and_leaves_the_others(registry):
+    registry.tag("reach", 2, "release")
+    registry.tag("reach", 3, "next")
+    assert registry.remove("reach", [2]) == {"release": 2}
+    assert registry.versions("reach") == (1, 3)
+    assert registry.aliases("reach") == {"next": 3}
+    with pytest.raises(NotFoundError, match="reach has no version 2: it was removed"):
+        registry.locate("reach@2")
+
+
+@pytest.mark.parametrize("removed", [[3], [2, 3], [1, 2, 3]])
+def test_the_number_of_a_removed_version_is_never_given_again(registry, versions, removed):
+    registry.remove("reach", removed)
+    assert registry.publish("reach", versions[3]).version == 4
+    registry.remove("reach", [4])
+    assert registry.publish("reach", versions[3]).version == 5
+    entries = entries_of(registry)
+    assert [name for name in entries if name.endswith(".removed")] == ["4.removed"]
+
+
+def test_removing_an_old_version_needs_no_mark(registry):
+    registry.remove("reach", [1])
+    assert sorted(entries_of(registry)) == ["2.h5", "3.h5"]
+
+
+def test_a_skill_without_versions_is_not_listed(registry):
+    registry.remove("reach", [1, 2, 3])
+    assert registry.names() == ()
+    with pytest.raises(NotFoundError):
+        registry.remove("reach", [1])
+
+
+@pytest.mark.parametrize("step", ["unlink", "fsync"])
+def test_a_removal_that_is_cut_short_frees_no_number(registry, versions, monkeypatch, step):
+    def refuse(*_, **__):
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(numbering.os, step, refuse)
+        with pytest.raises(StoreError):
+            registry.remove("reach", [3])
+    assert registry.versions("reach") == (1, 2, 3)
+    assert registry.publish("reach", versions[3]).version == 4
+
+
+CHURN = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+from skillctl import store
+registry, base = store.Registry(Path(sys.argv[1])), store.read_skill(Path(sys.argv[2]))
+for index in range(100_000):
+    operation = store.Operation(command="learn", results={"round": sys.argv[3], "index": index})
+    version = registry.publish("reach", store.encode(replace(base, operation=operation))).version
+    print(version, flush=True)
+    registry.remove("reach", [version])
+"""
+
+
+def test_numbers_stay_taken_whenever_a_process_that_removes_is_killed(tmp_path, versions):
+    (template := tmp_path / "template.h5").write_bytes(versions[0])
+    given: list[int] = []
+    for round_number in range(6):
+        process = subprocess.Popen(
+            [sys.executable, "-c", CHURN, tmp_path / "skills", template, str(round_number)],
+            stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        first = process.stdout.readline()
+        time.sleep(0.013 * round_number)
+        process.send_signal(signal.SIGKILL)
+        given += [int(line) for line in (first + process.communicate(timeout=60)[0]).split()]
+    assert given == sorted(set(given))
+    assert store.Registry(tmp_path / "skills").publish("reach", versions[3]).version > given[-1]
