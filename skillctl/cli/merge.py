@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
+from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
-    from skillctl.usecases.merge import MergeReport
+    from skillctl.usecases.merge import MergeReport, TaskReport
+    from skillctl.usecases.task import TaskErrors
 
 EXAMPLES = """\b
 Example:
   skillctl merge bottom-left top-centre --target 0.63,0.28,0.76 --name top-left
-  skillctl merge a.h5 b.h5 --weights 2,1 --gate experts --sharpness 4 -o c.h5"""
+  skillctl merge a.h5 b.h5 --weights 2,1 --gate experts --sharpness 4 -o c.h5
+  skillctl merge a b c --fit new-task.csv --fit-level component -o fitted.h5
+  skillctl merge --from-store --fit once.csv --fit again.csv --name new-task"""
+
+TASK = "Fitting to a task"
 
 ORIGINS = {
     "shared": "all parts were learned under one already",
@@ -26,7 +33,12 @@ ORIGINS = {
 
 def merge(
     context: typer.Context,
-    skills: options.Skills,
+    skills: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest; two or more."
+        ),
+    ] = None,
     output_file: options.OutputFile = None,
     name: options.Name = None,
     weights: Annotated[
@@ -63,29 +75,99 @@ def merge(
             rich_help_panel=options.MOTION,
         ),
     ] = False,
+    fit: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DEMO",
+            help="Choose the weights so that the motion is near to the demonstrations in this file; give it "
+            "again for more files.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    fit_level: Annotated[
+        options.FitLevel,
+        typer.Option(
+            help="part: one weight a skill; component: also one factor a Gaussian component.",
+            rich_help_panel=TASK,
+        ),
+    ] = "part",
+    from_store: Annotated[
+        bool,
+        typer.Option(
+            "--from-store",
+            help="Merge the few skills of the store that help with the task.",
+            rich_help_panel=TASK,
+        ),
+    ] = False,
+    columns: Annotated[
+        options.Words | None,
+        typer.Option(
+            parser=options.read_words,
+            metavar="X,Y,Z",
+            help="Columns that hold the position, as for learn.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    dt: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", help="Seconds between samples, if the file has no time.", rich_help_panel=TASK
+        ),
+    ] = None,
+    units: Annotated[
+        options.Units | None, typer.Option(help="Unit of the positions.", rich_help_panel=TASK)
+    ] = None,
     store: options.Store = None,
 ) -> None:
     """Merge skills: all of them act together on one target, and the result is proved stable.
 
-    The target is --target, else the weighted mean of the skills' targets. Combined skills cannot be merged.
+    The target is --target, else the mean end of the demonstrations of --fit, else the weighted mean of the
+    skills' targets. Combined skills cannot be merged.
     """
-    from skillctl.usecases.merge import MergeOptions
+    from skillctl.usecases.learn import Reading
+    from skillctl.usecases.merge import MergeOptions, TaskOptions
     from skillctl.usecases.merge import merge as merge_skills
+
+    _require_task(skills, fit, fit_level, from_store, columns, dt, units)
 
     output: Output = context.obj
     with output.progress("merging") as progress:
         report = merge_skills(
-            skills,
+            skills or [],
             output=output_file,
             name=name,
             store=store,
             options=MergeOptions(weights, gate, sharpness, speed, target),
+            task=TaskOptions(tuple(fit), fit_level, from_store, Reading(None, columns, dt, units))
+            if fit
+            else None,
             refit=not no_refit,
             progress=progress,
         )
     for note in report.notes:
         output.note(f"note: {note}")
     output.result(report, lambda: blocks(report))
+
+
+def _require_task(
+    skills: list[str] | None, fit: list[Path] | None, fit_level: str, from_store: bool, *reading: object
+) -> None:
+    """Raise UsageError for options that only mean something with --fit, or for no skill at all."""
+    if not fit:
+        without = {
+            "--fit-level": fit_level != "part",
+            "--from-store": from_store,
+            "--columns, --dt and --units": any(option is not None for option in reading),
+        }
+        for option, given in without.items():
+            if given:
+                raise UsageError(
+                    f"{option}: only with --fit.", hint="Add --fit DEMO, a file with the new task."
+                )
+    if not (skills or from_store):
+        raise UsageError(
+            "merge: no skill is named.", hint="Name two or more skills, or give --from-store and --fit DEMO."
+        )
 
 
 def blocks(report: MergeReport) -> list[render.Block]:
@@ -101,13 +183,36 @@ def blocks(report: MergeReport) -> list[render.Block]:
             for refit in report.refits
         )
         blocks.append(render.Table(("learned again", "DTW before", "DTW after"), rows))
+    if report.task is not None:
+        blocks.append(_errors(report.task, report.unit))
     gate = report.gate if report.gate != "experts" else f"experts, sharpness {report.sharpness:g}"
     facts = (
         *words.written(report.skill, report.path, report.digest, report.created),
         ("gate", gate),
-        ("speed", f"{report.speed:g}"),
+        ("speed", f"{report.speed:.4g}"),
+        *_fit(report.task),
         ("attractor", words.point(report.attractor, report.unit)),
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
         *words.proof("stable", report.rate, report.period),
     )
     return [*blocks, render.Facts(facts)]
+
+
+def _errors(task: TaskReport, unit: str) -> render.Table:
+    """Return the errors on the demonstrations of the task, and on those left out in turn."""
+
+    def row(name: str, errors: TaskErrors) -> tuple[str, ...]:
+        single = f"{words.length(errors.best_single, unit)} (part {errors.best_part})"
+        return (name, single, words.length(errors.equal, unit), words.length(errors.fitted, unit))
+
+    rows = [row(f"{task.demonstrations} given", task.errors)]
+    if task.held_out is not None:
+        rows.append(row("each left out in turn", task.held_out))
+    return render.Table(("DTW to demonstrations", "best part alone", "equal weights", "fitted"), tuple(rows))
+
+
+def _fit(task: TaskReport | None) -> tuple[tuple[str, str], ...]:
+    if task is None:
+        return ()
+    pull = "" if task.pull is None else f", pull {task.pull:g}"
+    return (("fitted", f"{task.choice}{pull}; chosen from {task.candidates} skills"),)

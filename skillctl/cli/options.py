@@ -22,6 +22,7 @@ Metric: TypeAlias = Literal["learned", "euclidean"]
 Preset: TypeAlias = Literal["fast", "default", "quality"]
 MergeGate: TypeAlias = Literal["superposition", "density", "experts"]
 CombineGate: TypeAlias = Literal["latched", "instantaneous"]
+FitLevel: TypeAlias = Literal["part", "component"]
 Arm: TypeAlias = Literal["panda", "iiwa"]
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Hand: TypeAlias = Literal["horizontal", "down", "free"]
@@ -85,13 +86,21 @@ def _listed(text: str, read: Callable[[str], T], expected: str) -> list[T]:
         raise typer.BadParameter(f"{text!r} is not a list of {expected}.") from None
 
 
+SKILL = "FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS or NAME@sha256:…"
 Skill = Annotated[
-    str, typer.Argument(metavar="SKILL", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest.")
+    str,
+    typer.Argument(
+        metavar="SKILL", help="FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS, NAME@sha256:…"
+    ),
 ]
 Skills = Annotated[
     list[str],
-    typer.Argument(metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest."),
+    typer.Argument(
+        metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS, NAME@sha256:…"
+    ),
 ]
+Alias = Annotated[str, typer.Argument(metavar="ALIAS", help="A word such as release.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")]
 Store = Annotated[
     Path | None,
     typer.Option(

@@ -1,8 +1,14 @@
 """Skills made from skills: merge, combine, and the common Lyapunov matrix that proves a merger."""
 
-from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt
+from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt, most_helpful
 from skillctl.compose.combine import PartCoverage, combine, coverage
-from skillctl.compose.lyapunov import common_lyapunov, common_lyapunov_of, conflicting_parts, with_lyapunov
+from skillctl.compose.lyapunov import (
+    acting_matrices,
+    common_lyapunov,
+    common_lyapunov_of,
+    conflicting_parts,
+    with_lyapunov,
+)
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.compose.parts import notes_on
 
@@ -12,6 +18,7 @@ __all__ = [
     "FitLevel",
     "NoCommonLyapunovError",
     "PartCoverage",
+    "acting_matrices",
     "adapt",
     "combine",
     "common_lyapunov",
@@ -19,6 +26,7 @@ __all__ = [
     "conflicting_parts",
     "coverage",
     "merge",
+    "most_helpful",
     "notes_on",
     "with_lyapunov",
 ]

@@ -86,7 +86,7 @@ def adapt(
         target = np.mean([motion.positions[-1] for motion in demonstrations], axis=0)
     members = on_one_attractor(members, np.full(len(members), 1 / len(members)), target)
     task = _Task.of(demonstrations, members[0].attractor)
-    weights = _nonnegative(task.columns([part.velocity(task.states) for part in members]), task.goal)
+    weights = _velocity_weights(members, task)
     used = tuple(int(i) for i in np.flatnonzero(weights > 0))
     if not used:
         raise FitError(
@@ -98,6 +98,43 @@ def adapt(
         chosen = _scaled_components(chosen, weights[list(used)], task, pull)
     shares = normalised("part weights", weights[list(used)], len(used))
     return Adaptation(MergedSkill(chosen, shares, speed=float(weights.sum())), weights, used)
+
+
+def most_helpful(
+    parts: Sequence[SedsSkill | MergedSkill], demonstrations: DemonstrationSet, most: int
+) -> tuple[int, ...]:
+    """Return which parts, at most ``most`` of them, move along with demonstrations when they act together.
+
+    Non-negative least squares on velocities leaves most weights at zero; while more are positive than
+    wanted, the part that moves least is left out. No common P is needed to ask this.
+
+    Args:
+        parts: SEDS or merged skills in the state space of the demonstrations.
+        demonstrations: Of the new task.
+        most: At least 1.
+
+    Returns:
+        Indices, rising; empty if no part moves along.
+    """
+    target = demonstrations.demonstrations[0].positions[-1]
+    members = on_one_attractor(parts, np.full(len(parts), 1 / len(parts)), target)
+    task = _Task.of(demonstrations, members[0].attractor)
+    chosen = list(range(len(members)))
+    while True:
+        weights = _velocity_weights([members[i] for i in chosen], task)
+        moved = [
+            w * float(np.linalg.norm(members[i].velocity(task.states)))
+            for w, i in zip(weights, chosen, strict=True)
+        ]
+        chosen = [i for i, m in zip(chosen, moved, strict=True) if m > 0]
+        if len(chosen) <= most:
+            return tuple(chosen)
+        least = min(m for m in moved if m > 0)
+        chosen = [i for i, m in zip(chosen, (m for m in moved if m > 0), strict=True) if m > least]
+
+
+def _velocity_weights(members: Sequence[SedsSkill | MergedSkill], task: _Task) -> FloatArray:
+    return _nonnegative(task.columns([part.velocity(task.states) for part in members]), task.goal)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

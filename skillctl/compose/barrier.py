@@ -12,21 +12,22 @@ GROWTH = 8.0  # of the barrier parameter between two centrings
 NEWTON_STEPS = 50  # per centring; about ten are used
 
 
-def minimise_largest_eigenvalue(matrices: FloatArray) -> FloatArray | None:
-    """Return P ≻ 0 with trace d and P Aₖ + Aₖᵀ P ≺ 0 for all k, nearly as far inside as possible, or None.
+def minimise_largest_eigenvalue(matrices: FloatArray, period: float = 0.0) -> FloatArray | None:
+    """Return P ≻ 0 with trace d and L(P) ≺ 0 for all k, nearly as far inside as possible, or None.
 
-    Minimises s subject to s I − (P Aₖ + Aₖᵀ P) ≻ 0 and P ≻ 0: for growing τ, Newton's method on
-    τ s − Σ log det of both. Near a centre, s exceeds the optimum by at most (ν + √ν) / τ, ν = (K + 1) d, so
-    a centre with s above that bound shows that there is no such P. None is also the answer where the best
-    margin cannot be told from rounding.
+    L(P) = P Aₖ + Aₖᵀ P + Δt Aₖᵀ P Aₖ is linear in P. Minimises s subject to s I − L(P) ≻ 0 and P ≻ 0: for
+    growing τ, Newton's method on τ s − Σ log det of both. Near a centre, s exceeds the optimum by at most
+    (ν + √ν) / τ, ν = (K + 1) d, so a centre with s above that bound shows that there is no such P. None is
+    also the answer where the best margin cannot be told from rounding.
 
     Args:
         matrices: Aₖ of size about 1, shape (K, d, d).
+        period: Δt ≥ 0, in the time unit of the matrices.
 
     References:
         S. Boyd & L. Vandenberghe, Convex Optimization (2004), section 11.6.
     """
-    constant, directions = _inequalities(matrices)
+    constant, directions = _inequalities(matrices, period)
     point = np.zeros(len(directions))
     point[0] = 1.0 + float(np.linalg.eigvalsh(-constant[:-1]).max())  # strictly feasible with P = I
     order = constant.shape[0] * constant.shape[1]
@@ -46,7 +47,7 @@ def minimise_largest_eigenvalue(matrices: FloatArray) -> FloatArray | None:
         tau *= GROWTH
 
 
-def _inequalities(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _inequalities(matrices: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
     """Return C (K+1, d, d) and D (n, K+1, d, d): the inequalities are C + Σᵢ xᵢ Dᵢ ≻ 0.
 
     x₀ = s; the others are coordinates of P − I in a basis of the symmetric matrices without trace.
@@ -54,9 +55,11 @@ def _inequalities(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
     d = matrices.shape[1]
     basis = _traceless_symmetric(d)
     identity = np.eye(d)
-    constant = np.concatenate([-(matrices + matrices.swapaxes(1, 2)), identity[None]])
+    transposed = matrices.swapaxes(1, 2)
+    constant = np.concatenate([-(matrices + transposed + period * (transposed @ matrices)), identity[None]])
     products = basis[:, None] @ matrices  # (n - 1, K, d, d)
-    directions = np.concatenate([-(products + products.swapaxes(2, 3)), basis[:, None]], axis=1)
+    changes = products + products.swapaxes(2, 3) + period * (transposed @ products)
+    directions = np.concatenate([-0.5 * (changes + changes.swapaxes(2, 3)), basis[:, None]], axis=1)
     slack = np.concatenate([np.tile(identity, (len(matrices), 1, 1)), np.zeros((1, d, d))])
     return constant, np.concatenate([slack[None], directions])
 

@@ -13,7 +13,7 @@ from skillctl.arrays import FloatArray, frozen_array, require_spd
 from skillctl.compose.barrier import minimise_largest_eigenvalue
 from skillctl.errors import UsageError
 from skillctl.model.contraction import decay_rates
-from skillctl.model.skill import SedsSkill, Skill
+from skillctl.model.skill import CombinedSkill, SedsSkill, Skill
 
 AnySkill = TypeVar("AnySkill", bound=Skill)
 ROUNDS = 3  # each search starts in the coordinates the one before has found
@@ -38,50 +38,68 @@ def with_lyapunov(skill: AnySkill, lyapunov: FloatArray) -> AnySkill:
     return cast("AnySkill", replace(skill, parts=parts))
 
 
-def common_lyapunov(system_matrices: FloatArray, *, known: Sequence[FloatArray] = ()) -> FloatArray | None:
+def common_lyapunov(
+    system_matrices: FloatArray, *, known: Sequence[FloatArray] = (), period: float = 0.0
+) -> FloatArray | None:
     """Return a P ≻ 0 with P Aₖ + Aₖᵀ P ≺ 0 for all k, near the one of fastest decay, or None.
 
     Maximises t over P with −(P Aₖ + Aₖᵀ P) ≽ t I and tr P = d, time scaled by the typical spectral radius,
     in coordinates in which the best P known so far is the identity. Those choices make the answer the
-    same, up to rounding, for data in other units of length or time, per axis too. The problem is convex:
-    None means that the barrier method's bound excluded every P whose margin can be told from rounding. A P
-    that is returned contracts in floating point; ``skillctl.stability`` proves it.
+    same, up to rounding, for data in other units of length or time, per axis too. With a period Δt,
+    Δt Aₖᵀ P Aₖ is added to P Aₖ + Aₖᵀ P: steps of that length contract, too, and the problem stays linear in
+    P. It is convex: None means that the barrier method's bound excluded every P whose margin can be told from
+    rounding. A P that is returned contracts in floating point; ``skillctl.stability`` proves it.
 
     Args:
         system_matrices: Aₖ, shape (K, d, d), [1/s].
         known: Candidates to start from, such as the P of each part. Shape (d, d) each.
+        period: Δt ≥ 0, [s].
 
     Returns:
         P with trace d, shape (d, d), or None.
 
     References:
         S. Boyd et al., Linear Matrix Inequalities in System and Control Theory (1994), section 5.1;
-        the scaling is ours.
+        the scaling
+        and the period are ours.
     """
     matrices = frozen_array("system_matrices", system_matrices, (None, None, None))
     eigenvalues = np.linalg.eigvals(matrices)
     if eigenvalues.real.max() >= 0:
         return None  # a component that is not stable alone has no P at all
-    scaled = matrices / np.median(np.abs(eigenvalues).max(axis=1))
-    best = _best_start(scaled, known)
+    speed = float(np.median(np.abs(eigenvalues).max(axis=1)))
+    scaled, step = matrices / speed, period * speed
+    best = _best_start(scaled, known, step)
     for _ in range(ROUNDS):
         factor = np.linalg.cholesky(best).T  # best = factorᵀ factor
         inverse = np.linalg.inv(factor)
-        found = minimise_largest_eigenvalue(np.asarray(factor @ scaled @ inverse))
+        found = minimise_largest_eigenvalue(np.asarray(factor @ scaled @ inverse), step)
         if found is None:
             break
-        best = max(best, _normalised(factor.T @ found @ factor), key=lambda p: _slowest(p, scaled))
-    return best if _slowest(best, scaled) > 0 else None
+        best = max(best, _normalised(factor.T @ found @ factor), key=lambda p: _slowest(p, scaled, step))
+    return best if _slowest(best, scaled, step) > 0 else None
 
 
-def common_lyapunov_of(parts: Sequence[Skill]) -> FloatArray | None:
-    """Return the P that all parts share already, else one found for all their components, or None."""
+def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatArray | None:
+    """Return the P that all parts share already, else one found for all their components, or None.
+
+    Args:
+        parts: In one state space.
+        period: Δt at which a P that has to be found shall prove steps, too, [s].
+    """
     leaves = [leaf for part in parts for leaf in part.leaves]
     first = leaves[0].lyapunov
     if all((leaf.lyapunov == first).all() for leaf in leaves):
         return first
-    matrices = np.concatenate([leaf.system_matrices for leaf in leaves])
-    return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves])
+    matrices = np.concatenate([acting_matrices(part) for part in parts])
+    return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves], period=period)
+
+
+def acting_matrices(skill: Skill) -> FloatArray:
+    """Return the matrices that act in a skill, every speed multiplied in. Shape (K, d, d), [1/s]."""
+    if not isinstance(skill, CombinedSkill):
+        return skill.component_matrices
+    return np.asarray(skill.speed * np.concatenate([part.component_matrices for part in skill.parts]))
 
 
 def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
@@ -98,7 +116,7 @@ def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
     return ()
 
 
-def _best_start(matrices: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+def _best_start(matrices: FloatArray, known: Sequence[FloatArray], period: float) -> FloatArray:
     """Return the candidate under which the slowest component decays fastest.
 
     Candidates are the known P, their mean, and the mean of every component's own solution.
@@ -108,7 +126,7 @@ def _best_start(matrices: FloatArray, known: Sequence[FloatArray]) -> FloatArray
     own = [_normalised(_lyapunov_solution(matrix)) for matrix in matrices]
     given = [_normalised(p) for p in known]
     means = [np.mean(group, axis=0) for group in (own, given) if group]
-    return max([*given, *means], key=lambda p: _slowest(p, matrices))
+    return max([*given, *means], key=lambda p: _slowest(p, matrices, period))
 
 
 def _lyapunov_solution(matrix: FloatArray) -> FloatArray:
@@ -127,9 +145,9 @@ def _normalised(p: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (p + p.T) * (len(p) / np.trace(p)))
 
 
-def _slowest(p: FloatArray, matrices: FloatArray) -> float:
-    """Return the smallest decay rate, −inf if P is not positive definite in floating point."""
+def _slowest(p: FloatArray, matrices: FloatArray, period: float) -> float:
+    """Return the smallest decay rate that steps of the period leave, −inf if P is not positive definite."""
     try:
-        return float(decay_rates(p, matrices).min())
+        return float(decay_rates(p, matrices, period).min())
     except np.linalg.LinAlgError:
         return -np.inf

@@ -7,15 +7,17 @@ import numpy as np
 from skillctl.arrays import FloatArray
 
 
-def decay_rates(lyapunov: FloatArray, matrices: FloatArray) -> FloatArray:
+def decay_rates(lyapunov: FloatArray, matrices: FloatArray, period: float = 0.0) -> FloatArray:
     r"""Return the rate at which each component ξ̇ = Aₖ (ξ − ξ*) shrinks the P-norm of ξ − ξ*.
 
     rₖ = λ_min(−½(P Aₖ + Aₖᵀ P), P), the largest r with V̇ ≤ −2 r V for V = (ξ − ξ*)ᵀ P (ξ − ξ*).
+    With a period Δt, what steps ξ⁺ = ξ + Δt Aₖ (ξ − ξ*) leave of it: Δt Aₖᵀ P Aₖ is added to P Aₖ + Aₖᵀ P.
     Rounding may turn a rate of about 1e-15 ‖Aₖ‖ into the wrong sign: ``skillctl.stability`` proves.
 
     Args:
         lyapunov: P ≻ 0, shape (d, d).
         matrices: Aₖ, shape (K, d, d), [1/s].
+        period: Δt ≥ 0, [s].
 
     Returns:
         Shape (K,), [1/s]; zero or less where V can grow.
@@ -23,7 +25,7 @@ def decay_rates(lyapunov: FloatArray, matrices: FloatArray) -> FloatArray:
     References:
         Generalised eigenvalue form of the SEDS condition (Eq. 5); ours for P other than I.
     """
-    return _rates(_whitened(lyapunov, matrices))
+    return _rates(_whitened(lyapunov, matrices), period)
 
 
 def contraction_periods(lyapunov: FloatArray, matrices: FloatArray) -> FloatArray:
@@ -56,5 +58,7 @@ def _whitened(lyapunov: FloatArray, matrices: FloatArray) -> FloatArray:
     return np.asarray(factor.T @ matrices @ np.linalg.inv(factor).T)
 
 
-def _rates(whitened: FloatArray) -> FloatArray:
-    return np.asarray(-np.linalg.eigvalsh(0.5 * (whitened + whitened.swapaxes(1, 2)))[:, -1])
+def _rates(whitened: FloatArray, period: float = 0.0) -> FloatArray:
+    transposed = whitened.swapaxes(1, 2)
+    changes = 0.5 * (whitened + transposed + period * (transposed @ whitened))
+    return np.asarray(-np.linalg.eigvalsh(changes)[:, -1])

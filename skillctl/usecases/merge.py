@@ -3,33 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from skillctl import compose
 from skillctl.arrays import FloatArray
-from skillctl.errors import FitError
+from skillctl.compose import FitLevel
+from skillctl.errors import UsageError
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
 from skillctl.stability import Certificate, certify
-from skillctl.store import DemonstrationReport, Operation
+from skillctl.store import DemonstrationReport, Operation, input_record
+from skillctl.usecases.candidates import candidates_from_store, require_same_space
 from skillctl.usecases.destination import Destination, Written
+from skillctl.usecases.evaluate import report_errors
 from skillctl.usecases.files import Source
-from skillctl.usecases.parts import (
-    PartSummary,
-    carried_reports,
-    child_artifact,
-    open_parts,
-    summaries,
-)
+from skillctl.usecases.learn import Reading
+from skillctl.usecases.parts import PartSummary, child_artifact, open_parts, summaries
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
-from skillctl.usecases.refit import Refit, conflict_of, refit_parts
+from skillctl.usecases.refit import Refit
+from skillctl.usecases.task import FittedMerger, TaskErrors, fit_to_task
+from skillctl.usecases.together import LyapunovOrigin, Together, prove_together
 
-LyapunovOrigin: TypeAlias = Literal["shared", "found", "refitted"]
+
+@dataclass(frozen=True)
+class TaskReport:
+    """How a merger was fitted to demonstrations of a new task.
+
+    Attributes:
+        choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
+        pull: How strongly components keep to their part; None unless ``per component``.
+        demonstrations: How many were given.
+        candidates: How many skills could have been used.
+        errors: Mean DTW distance to the demonstrations.
+        held_out: The same, each demonstration with weights fitted to the others; None for a single one.
+    """
+
+    choice: str
+    pull: float | None
+    demonstrations: int
+    candidates: int
+    errors: TaskErrors
+    held_out: TaskErrors | None
 
 
 @dataclass(frozen=True)
@@ -44,6 +63,7 @@ class MergeReport:
         attractor, unit: Where all of them end.
         lyapunov: ``shared`` by all parts already, ``found`` for all of them, or parts ``refitted`` under one.
         refits: Leaves learned again, if any.
+        task: How it was fitted to a task, if it was.
         rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
         notes: What is worth knowing.
     """
@@ -60,6 +80,7 @@ class MergeReport:
     unit: str
     lyapunov: LyapunovOrigin
     refits: tuple[Refit, ...]
+    task: TaskReport | None
     rate: float | None
     period: float | None
     notes: tuple[str, ...]
@@ -88,6 +109,23 @@ class MergeOptions:
         )
 
 
+@dataclass(frozen=True)
+class TaskOptions:
+    """What a merger is fitted to.
+
+    Attributes:
+        demonstrations: Files with demonstrations of the new task.
+        level: One weight per part, or ``component``: also one factor per component.
+        from_store: Take the parts from all skills of the store that have the same state space.
+        reading: How the files are read.
+    """
+
+    demonstrations: tuple[Path, ...]
+    level: FitLevel = "part"
+    from_store: bool = False
+    reading: Reading = field(default_factory=Reading)
+
+
 def merge(
     skills: Sequence[str | Path],
     *,
@@ -95,6 +133,7 @@ def merge(
     name: str | None = None,
     store: Path | None = None,
     options: MergeOptions | None = None,
+    task: TaskOptions | None = None,
     refit: bool = True,
     progress: Progress | None = None,
 ) -> MergeReport:
@@ -106,94 +145,179 @@ def merge(
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
         options: How the parts act together.
+        task: Fit the weights to demonstrations of a new task.
         refit: Learn the parts again from their embedded demonstrations if no common Lyapunov matrix exists.
         progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
         UsageError: Options that make no sense, a combined skill, different spaces.
         NotFoundError, ArtifactError: A skill does not exist, or is not intact.
+        InputDataError: Demonstrations of the task that cannot be used.
         FitError: No common Lyapunov matrix, and no refit possible or wanted; or no proof.
     """
     options = options or MergeOptions()
     destination = Destination(output, name, store)
     destination.current()
+    if task is not None:
+        return _merge_for_task(skills, destination, options, task, refit, progress)
     sources = open_parts(skills, store)
     parents = [source.skill for source in sources]
     options.merge(parents, np.eye(parents[0].dimension))  # complains about options before any work is done
-    reports = carried_reports(sources)
-    attempt = _proved_as_they_are(parents, options)
-    if attempt is None:
-        attempt, reports = _refitted(sources, options, refit, progress)
-    certificate = certify(attempt.skill)
+    together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
+    merged = options.merge(together.parts, together.lyapunov)
+    certificate = certify(merged)
     require_stable(certificate)
-    operation = _operation(options, refit, attempt)
-    written = destination.write(child_artifact(attempt.skill, sources, operation, reports))
-    return _report(written, sources, options, attempt, certificate)
+    operation = Operation(
+        command="merge", options={**asdict(options), "refit": refit}, results=_results(together)
+    )
+    written = destination.write(child_artifact(merged, sources, operation, together.reports))
+    return _report(written, sources, merged, together, certificate)
 
 
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """A merged skill, and how its parts came to one Lyapunov matrix."""
-
-    skill: MergedSkill
-    lyapunov: LyapunovOrigin
-    refits: tuple[Refit, ...] = ()
-
-
-def _proved_as_they_are(parts: Sequence[Skill], options: MergeOptions) -> _Attempt | None:
-    """Return the merged skill if one Lyapunov matrix provably serves all parts, else None."""
-    lyapunov = compose.common_lyapunov_of(parts)
-    if lyapunov is None:
-        return None
-    merged = options.merge(parts, lyapunov)
-    if certify(merged).verdict != "stable":
-        return None
-    shared = all((leaf.lyapunov == lyapunov).all() for part in parts for leaf in part.leaves)
-    return _Attempt(merged, "shared" if shared else "found")
-
-
-def _refitted(
-    sources: Sequence[Source], options: MergeOptions, refit: bool, progress: Progress | None
-) -> tuple[_Attempt, list[DemonstrationReport]]:
-    """Return the merged skill of parts learned again under one Lyapunov matrix, and their errors."""
-    if not refit:
-        raise FitError(
-            f"{conflict_of(sources)} have no common Lyapunov matrix: a merger would not be proved.",
-            hint="Leave out --no-refit to learn them again under a common one.",
+def _merge_for_task(
+    skills: Sequence[str | Path],
+    destination: Destination,
+    options: MergeOptions,
+    task: TaskOptions,
+    refit: bool,
+    progress: Progress | None,
+) -> MergeReport:
+    """Merge skills with weights fitted to demonstrations."""
+    _require_free_weights(options)
+    read = task.reading.read(task.demonstrations)
+    shown = read.demonstrations
+    if task.from_store and skills:
+        raise UsageError(
+            "skills and --from-store exclude each other.",
+            hint="Name skills, or let all of the store take part.",
         )
-    again = refit_parts(sources, progress)
-    return _Attempt(options.merge(again.parts, again.lyapunov), "refitted", again.refits), list(again.reports)
+    if task.from_store:
+        found = candidates_from_store(destination, shown)
+        sources, candidates, notes = list(found.helpful), found.considered, found.notes
+    else:
+        sources, notes = open_parts(skills, destination.store), ()
+        candidates = len(sources)
+    require_same_space(sources, shown)
+    plain = MergeOptions(target=options.target)
+    plain.merge([source.skill for source in sources], np.eye(sources[0].skill.dimension))
+    together = prove_together(sources, plain.merge, refit=refit, progress=progress)
+    fitted = fit_to_task(together.parts, shown, together.lyapunov, level=task.level, target=options.target)
+    certificate = certify(fitted.skill)
+    require_stable(certificate)
+    used = [sources[index] for index in fitted.used]
+    operation = _fitted_operation(options, task, refit, fitted, together)
+    reports = _reports_of_used(fitted, used, together)
+    inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
+    written = destination.write(child_artifact(fitted.skill, used, operation, reports, inputs))
+    report = TaskReport(fitted.choice, fitted.pull, len(shown), candidates, fitted.errors, fitted.held_out)
+    return _report(
+        written,
+        used,
+        fitted.skill,
+        together,
+        certificate,
+        report,
+        (*read.notes, *notes, *_left_out(sources, fitted)),
+    )
 
 
-def _operation(options: MergeOptions, refit: bool, attempt: _Attempt) -> Operation:
-    results: dict[str, Any] = {"lyapunov": attempt.lyapunov}
-    if attempt.refits:
-        results["dtw_before"] = tuple(refit.dtw_before for refit in attempt.refits)
-        results["dtw_after"] = tuple(refit.dtw_after for refit in attempt.refits)
-    return Operation(command="merge", options={**asdict(options), "refit": refit}, results=results)
+def _require_free_weights(options: MergeOptions) -> None:
+    """Raise UsageError if weights to be fitted are given as well."""
+    for given, what in (
+        (options.part_weights is not None, "weights"),
+        (options.gate != "superposition", "gate"),
+        (options.sharpness != 1, "sharpness"),
+        (options.speed != 1, "speed"),
+    ):
+        if given:
+            raise UsageError(
+                f"{what} and fit exclude each other: fitting chooses the weights of a superposition, and "
+                "their sum is its speed.",
+                hint=f"Leave out --{what}, or --fit.",
+            )
+
+
+def _left_out(sources: Sequence[Source], fitted: FittedMerger) -> list[str]:
+    names = [source.name for i, source in enumerate(sources) if i not in fitted.used]
+    return [f"{', '.join(names)}: no weight, left out."] if names else []
+
+
+def _reports_of_used(
+    fitted: FittedMerger, used: Sequence[Source], together: Together
+) -> list[DemonstrationReport]:
+    """Return reports on the demonstrations of the parts that are used, numbered by the leaves of the child.
+
+    With factors of their own for its components, a leaf moves differently: its reports are made anew.
+    """
+    counts = [len(part.leaves) for part in together.parts]
+    firsts = np.cumsum([0, *counts])
+    kept = [int(firsts[i]) + k for i in fitted.used for k in range(counts[i])]
+    if fitted.choice != "per component":
+        return [
+            report.model_copy(update={"leaf": kept.index(report.leaf)})
+            for report in sorted(together.reports, key=lambda report: report.leaf)
+            if report.leaf in kept
+        ]
+    taught = [motions for source in used for motions in source.artifact.demonstrations]
+    origins = [leaf for source in used for leaf in source.skill.leaves]
+    reports: list[DemonstrationReport] = []
+    for number, (leaf, origin, motions) in enumerate(zip(fitted.skill.leaves, origins, taught, strict=True)):
+        if motions is not None:
+            moved = motions.translated(leaf.attractor - origin.attractor)
+            reports += report_errors(leaf, moved, number)
+    return reports
+
+
+def _results(together: Together) -> dict[str, Any]:
+    results: dict[str, Any] = {"lyapunov": together.origin}
+    if together.refits:
+        results["dtw_before"] = tuple(refit.dtw_before for refit in together.refits)
+        results["dtw_after"] = tuple(refit.dtw_after for refit in together.refits)
+    return results
+
+
+def _fitted_operation(
+    options: MergeOptions, task: TaskOptions, refit: bool, fitted: FittedMerger, together: Together
+) -> Operation:
+    results = _results(together)
+    results["choice"], results["pull"] = fitted.choice, fitted.pull
+    for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
+        if errors is not None:
+            results[name] = (errors.best_single, errors.equal, errors.fitted)
+    chosen = {
+        "target": options.target,
+        "refit": refit,
+        "fit_level": task.level,
+        "from_store": task.from_store,
+    }
+    reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
+    return Operation(command="merge", options={**reading, **chosen}, results=results)
 
 
 def _report(
     written: Written,
     sources: Sequence[Source],
-    options: MergeOptions,
-    attempt: _Attempt,
+    merged: MergedSkill,
+    together: Together,
     certificate: Certificate,
+    task: TaskReport | None = None,
+    notes: tuple[str, ...] = (),
 ) -> MergeReport:
     return MergeReport(
         skill=written.skill,
         path=written.path,
         digest=written.digest,
         created=written.created,
-        parts=summaries(sources, attempt.skill.part_weights.tolist()),
-        gate=options.gate,
-        sharpness=options.sharpness,
-        speed=options.speed,
-        attractor=tuple(attempt.skill.attractor.tolist()),
-        unit=attempt.skill.space.unit,
-        lyapunov=attempt.lyapunov,
-        refits=attempt.refits,
+        parts=summaries(sources, merged.part_weights.tolist()),
+        gate=merged.gate,
+        sharpness=merged.sharpness,
+        speed=merged.speed,
+        attractor=tuple(merged.attractor.tolist()),
+        unit=merged.space.unit,
+        lyapunov=together.origin,
+        refits=together.refits,
+        task=task,
         rate=certificate.rate,
         period=certificate.period,
-        notes=compose.notes_on([source.skill for source in sources]),
+        notes=(*compose.notes_on([source.skill for source in sources]), *together.notes, *notes),
     )

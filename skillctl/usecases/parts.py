@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.model import Skill
-from skillctl.store import Artifact, DemonstrationReport, Operation, current_provenance
+from skillctl.store import Artifact, DemonstrationReport, InputRecord, Operation, current_provenance
 from skillctl.usecases.files import Source, open_skill
 
 
@@ -41,7 +41,11 @@ def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartS
 
 
 def child_artifact(
-    child: Skill, sources: Sequence[Source], operation: Operation, reports: Sequence[DemonstrationReport]
+    child: Skill,
+    sources: Sequence[Source],
+    operation: Operation,
+    reports: Sequence[DemonstrationReport],
+    inputs: Sequence[InputRecord] = (),
 ) -> Artifact:
     """Return the artifact of a skill made from others.
 
@@ -52,6 +56,7 @@ def child_artifact(
         sources: The parents.
         operation: What made it.
         reports: On the demonstrations.
+        inputs: Files that were read besides them.
     """
     leaves = [leaf for source in sources for leaf in source.skill.leaves]
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
@@ -60,7 +65,7 @@ def child_artifact(
         for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
     )
     parents = [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
-    provenance = current_provenance(parents=parents)
+    provenance = current_provenance(inputs=inputs, parents=parents)
     return Artifact(child, demonstrations, operation, provenance, tuple(reports))
 
 

@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from skillctl.cli import options
+from skillctl.compose import FIT_LEVELS
 from skillctl.demonstrations import FORMATS
 from skillctl.demonstrations.recording import Unit
 from skillctl.learning import METRICS, OBJECTIVES, PRESETS
@@ -25,6 +26,7 @@ from skillctl.simulation import ARMS, HANDS, PLANES
         (options.Preset, PRESETS),
         (options.MergeGate, MERGE_GATES),
         (options.CombineGate, COMBINE_GATES),
+        (options.FitLevel, FIT_LEVELS),
         (options.Arm, tuple(ARMS)),
         (options.Plane, PLANES),
         (options.Hand, HANDS),

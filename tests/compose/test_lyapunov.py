@@ -8,7 +8,7 @@ import pytest
 
 from skillctl.compose import common_lyapunov, conflicting_parts
 from skillctl.errors import InvalidModelError
-from skillctl.model.contraction import decay_rates
+from skillctl.model.contraction import contraction_periods, decay_rates
 
 
 def hurwitz(rng, d, loss=0.3):
@@ -159,3 +159,44 @@ def test_the_smallest_conflicting_group_is_named(make_skill):
         if common_lyapunov(np.stack([turn @ ellipse @ turn.T for turn in turns])) is None
     )
     assert conflicting_parts([skill(m) for m in star]) == (0, 1, 2)
+
+
+def test_one_matrix_keeps_a_period_exactly_when_its_steps_have_spectral_radius_below_one():
+    rng = np.random.default_rng(11)
+    answers = []
+    for _ in range(150):
+        d = int(rng.integers(2, 6))
+        matrix = hurwitz(rng, d)
+        period = 10 ** rng.uniform(-2, 0.5)
+        radius = np.abs(1 + period * np.linalg.eigvals(matrix)).max()
+        if abs(radius - 1) < 1e-3:
+            continue
+        found = common_lyapunov(matrix[None], period=period)
+        assert (found is not None) == (radius < 1)
+        answers.append(radius < 1)
+        if found is not None:
+            assert contracts(found, matrix[None])
+            assert contraction_periods(found, matrix[None])[0] > period
+    assert 20 < sum(answers) < len(answers) - 20
+
+
+def test_families_keep_a_period_wherever_a_convex_solver_finds_one():
+    rng = np.random.default_rng(12)
+    answers = []
+    for _ in range(40):
+        d, k = int(rng.integers(2, 4)), int(rng.integers(2, 5))
+        matrices, known = family(rng, d, k, loss=0.3)
+        period = rng.uniform(0.3, 3) * contraction_periods(known, matrices).min()
+        p, t = cvxpy.Variable((d, d), symmetric=True), cvxpy.Variable()
+        size = np.linalg.norm(matrices, 2, axis=(1, 2)).max()
+        scaled, step = matrices / size, period * size
+        constraints = [p >> 0, cvxpy.trace(p) == d]
+        constraints += [-(p @ a + a.T @ p + step * a.T @ p @ a) >> t * np.eye(d) for a in scaled]
+        cvxpy.Problem(cvxpy.Maximize(t), constraints).solve(solver=cvxpy.CLARABEL)
+        if abs(t.value) < 1e-5:
+            continue
+        found = common_lyapunov(matrices, period=period)
+        assert (found is not None) == (t.value > 0)
+        answers.append(t.value > 0)
+        assert found is None or contraction_periods(found, matrices).min() > period
+    assert 5 < sum(answers) < len(answers) - 3

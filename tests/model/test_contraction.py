@@ -61,3 +61,10 @@ def test_the_flow_shrinks_by_the_rate_and_can_do_no_better_at_first():
     gain = np.linalg.norm(root @ expm(1e-4 * a) @ np.linalg.inv(root), 2)
     # −log(gain)/t → rate with an error of O(t ‖A‖²)
     assert -np.log(gain) / 1e-4 == pytest.approx(rate, abs=1e-4 * np.linalg.norm(root @ a, 2) ** 2 * 4)
+
+
+def test_what_a_period_leaves_of_a_rate_is_read_off_a_diagonal_and_vanishes_at_the_longest_period():
+    a = np.diag([-1.0, -4.0])[None]
+    # −½ (2 a + Δt a²): 1 − Δt/2 and 4 − 8 Δt
+    assert decay_rates(np.eye(2), a, 0.25).tolist() == [0.875]
+    assert decay_rates(np.eye(2), a, 0.5).tolist() == [0.0]

@@ -66,6 +66,33 @@ def test_parts_without_a_common_proof_are_refitted_and_the_cost_is_told(conflict
     assert results["dtw_after"] == tuple(refit.dtw_after for refit in report.refits)
 
 
+def test_a_matrix_that_proves_next_to_nothing_is_worth_a_refit(tmp_path, library):
+    # −I + s e₁e₂ᵀ and −I + s e₂e₁ᵀ: any P proves at most 1 − s/2, the rate of their mean, of both together.
+    paths = []
+    for upper in (True, False):
+        taught = open_skill("curve", library).artifact.demonstrations
+        operation = Operation(command="learn", options={"preset": "fast"}, seed=0)
+        artifact = Artifact(shear(1.96, upper), taught, operation, current_provenance())
+        write_file(tmp_path / f"{upper}.h5", encode(artifact))
+        paths.append(tmp_path / f"{upper}.h5")
+    kept = merge(paths, output=tmp_path / "kept.h5", refit=False)
+    assert kept.lyapunov == "found"
+    assert 0 < kept.rate <= 0.02
+    again = merge(paths, output=tmp_path / "again.h5")
+    assert again.lyapunov == "refitted"
+    assert again.rate > kept.rate
+    assert "as they were would prove a decay of" in again.notes[-1]
+
+
+def test_merging_keeps_the_controller_period_wherever_a_common_matrix_allows(library, tmp_path):
+    report = merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, refit=False)
+    assert verify("curve", store=library).period >= 0.01
+    assert verify("hook", store=library).period >= 0.01
+    assert report.period >= 0.01
+    fast = MergeOptions(speed=3.0)
+    assert merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, options=fast).rate > 0
+
+
 def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):
     with pytest.raises(FitError, match=r"upper\.h5 and .*lower\.h5 have no common Lyapunov matrix"):
         merge(conflict, output=tmp_path / "m.h5", refit=False)

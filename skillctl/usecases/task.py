@@ -1,0 +1,201 @@
+"""A merger fitted to a task: weights from demonstrations of it, judged by whole motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl import compose, metrics
+from skillctl.arrays import FloatArray
+from skillctl.compose import FitLevel
+from skillctl.errors import FitError
+from skillctl.model import DemonstrationSet, MergedSkill, Skill, rollout
+from skillctl.model.contraction import contraction_periods
+
+PULLS = (1e-3, 1e-2, 1e-1, 1.0)  # how strongly components keep to their part; per part is all of it
+PATIENCE = 5  # durations of the longest demonstration that a motion is followed
+STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
+
+
+@dataclass(frozen=True)
+class TaskErrors:
+    """Mean DTW distance to demonstrations, in the unit of the space; None where a motion diverged.
+
+    Attributes:
+        best_single: Of the part that alone, moved to the target, comes nearest.
+        best_part: That part, counted from 1.
+        equal: Of all parts with equal weights.
+        fitted: Of the fitted weights.
+    """
+
+    best_single: float | None
+    best_part: int
+    equal: float | None
+    fitted: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class FittedMerger:
+    """A merged skill fitted to a task.
+
+    Attributes:
+        skill: Superposition of the parts used; its speed is the sum of the weights.
+        used: Indices of the parts with a weight.
+        choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
+        pull: How strongly components keep to their part; None unless ``per component``.
+        errors: On the demonstrations given.
+        held_out: The same on each demonstration with weights fitted to the others; None for a single one.
+    """
+
+    skill: MergedSkill
+    used: tuple[int, ...]
+    choice: str
+    pull: float | None
+    errors: TaskErrors
+    held_out: TaskErrors | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """One way to merge, and its error on every demonstration (n,)."""
+
+    skill: MergedSkill
+    used: tuple[int, ...]
+    choice: str
+    pull: float | None
+    distances: FloatArray
+
+
+def fit_to_task(
+    parts: Sequence[Skill],
+    task: DemonstrationSet,
+    lyapunov: FloatArray,
+    *,
+    level: FitLevel = "part",
+    target: Sequence[float] | None = None,
+) -> FittedMerger:
+    """Return the merger of parts whose motions come nearest to demonstrations of a new task.
+
+    Weights come from least squares on velocities (``compose.adapt``), which says little about where a motion
+    goes; so each way to weight is followed from the demonstrated starts, and the mean DTW distance decides.
+    One part alone and equal weights are among the choices: the result is on these demonstrations never
+    worse than either. What it does not show: how near motions from other starts come, for which see
+    ``held_out``.
+
+    Args:
+        parts: Two or more SEDS or merged skills.
+        task: Demonstrations of the new task.
+        lyapunov: Common P of the parts, (d, d).
+        level: One weight per part, or ``component``: also one factor per component.
+        target: Attractor of the result; by default the mean of the demonstrations' end points.
+
+    Raises:
+        UsageError, FitError: As ``compose.adapt``.
+    """
+    if target is None:
+        target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
+    plain = _unfitted(parts, task, lyapunov, target)
+    candidates = [*plain, *_fitted(parts, task, task, lyapunov, level, target)]
+    best = _best(candidates)
+    if not np.isfinite(best.distances).all():
+        raise FitError(
+            "merge: no mixture of these skills follows the demonstrations without diverging.",
+            hint="Learn the task from the demonstrations, or choose other skills.",
+        )
+    held_out = None
+    if len(task) > 1:
+        left_out = [
+            _best([*plain, *_fitted(parts, _without(task, i), task, lyapunov, level, target)], omitted=i)
+            for i in range(len(task))
+        ]
+        held_out = _errors(plain, np.array([fold.distances[i] for i, fold in enumerate(left_out)]))
+    errors = _errors(plain, best.distances)
+    return FittedMerger(best.skill, best.used, best.choice, best.pull, errors, held_out)
+
+
+def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
+    """Return the DTW distance of the motion from each demonstrated start to the demonstration. Shape (n,).
+
+    Args:
+        skill: What moves.
+        task: Demonstrations; each counts relative to its own end.
+        attractor: Where they end, (d,).
+    """
+    shown = [motion.positions - motion.positions[-1] + attractor for motion in task]
+    longest = max(motion.duration for motion in task)
+    stable = 0.5 * float(contraction_periods(_p_of(skill), compose.acting_matrices(skill)).min())
+    period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
+    with np.errstate(over="ignore", invalid="ignore"):  # a step longer than proved may diverge
+        moved = rollout(skill, np.stack([p[0] for p in shown]), duration=PATIENCE * longest, period=period)
+        return np.array([metrics.dtw(moved.trajectory(i)[1], p) for i, p in enumerate(shown)])
+
+
+def _p_of(skill: Skill) -> FloatArray:
+    return skill.leaves[0].lyapunov
+
+
+def _unfitted(
+    parts: Sequence[Skill], task: DemonstrationSet, lyapunov: FloatArray, target: Sequence[float]
+) -> list[_Candidate]:
+    """Return equal weights, and then each part alone."""
+    merged = compose.merge(parts, target=target, lyapunov=lyapunov)
+    alone = [MergedSkill((part,), np.ones(1)) for part in merged.parts]
+    everything = tuple(range(len(parts)))
+    ways = [(merged, everything, "equal weights")]
+    ways += [(skill, (i,), "one part") for i, skill in enumerate(alone)]
+    return [
+        _Candidate(skill, used, choice, None, task_distances(skill, task, skill.attractor))
+        for skill, used, choice in ways
+    ]
+
+
+def _fitted(
+    parts: Sequence[Skill],
+    shown: DemonstrationSet,
+    judged: DemonstrationSet,
+    lyapunov: FloatArray,
+    level: FitLevel,
+    target: Sequence[float],
+) -> list[_Candidate]:
+    """Return weights fitted to the demonstrations shown, with their errors on those that judge."""
+    ways: list[tuple[FitLevel, float | None]] = [("part", None)]
+    ways += [("component", pull) for pull in PULLS] if level == "component" else []
+    candidates = []
+    for kind, pull in ways:
+        strength = {} if pull is None else {"pull": pull}
+        try:
+            fitted = compose.adapt(parts, shown, level=kind, target=target, lyapunov=lyapunov, **strength)
+        except FitError:  # nothing moves along; equal weights remain
+            return []
+        distances = task_distances(fitted.skill, judged, fitted.skill.attractor)
+        choice = "weights per part" if kind == "part" else "per component"
+        candidates.append(_Candidate(fitted.skill, fitted.used, choice, pull, distances))
+    return candidates
+
+
+def _best(candidates: Sequence[_Candidate], omitted: int | None = None) -> _Candidate:
+    """Return the candidate with the smallest mean error, one demonstration not looked at."""
+
+    def error(candidate: _Candidate) -> float:
+        seen = candidate.distances if omitted is None else np.delete(candidate.distances, omitted)
+        return float(seen.mean())
+
+    return min(candidates, key=error)
+
+
+def _without(task: DemonstrationSet, index: int) -> DemonstrationSet:
+    motions = task.demonstrations
+    return DemonstrationSet(motions[:index] + motions[index + 1 :], task.space)
+
+
+def _errors(plain: Sequence[_Candidate], fitted: FloatArray) -> TaskErrors:
+    equal, *singles = (_mean(candidate.distances) for candidate in plain)
+    values = [np.inf if single is None else single for single in singles]
+    best = int(np.argmin(values))
+    return TaskErrors(singles[best], best + 1, equal, _mean(fitted))
+
+
+def _mean(distances: FloatArray) -> float | None:
+    return float(distances.mean()) if np.isfinite(distances).all() else None
