@@ -75,14 +75,14 @@ def expectation(logs: FloatArray) -> FloatArray:
 
 
 def position_moments(
-    responsibilities: FloatArray, positions: FloatArray
+    responsibilities: FloatArray, positions: FloatArray, floor: float = POSITION_FLOOR
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the priors, means and covariances that maximise the expected log-likelihood of positions."""
     mass = responsibilities.sum(axis=0)
     priors = mass / mass.sum()
     means = responsibilities.T @ positions / mass[:, None]
     deviations = positions[:, None] - means
-    covariances = _weighted_covariance(responsibilities / mass, deviations, POSITION_FLOOR)
+    covariances = _weighted_covariance(responsibilities / mass, deviations, floor)
     return priors, means, covariances
 
 
@@ -92,10 +92,11 @@ def maximisation(
     velocities: FloatArray,
     barrier: StabilityBarrier,
     previous: JointMixture | None = None,
+    floor: float = POSITION_FLOOR,
 ) -> JointMixture:
     """Return the mixture that maximises the expected log-likelihood, every A_k stable."""
     k, d = responsibilities.shape[1], positions.shape[1]
-    priors, means, covariances = position_moments(responsibilities, positions)
+    priors, means, covariances = position_moments(responsibilities, positions, floor)
     shares = responsibilities / responsibilities.sum(axis=0)
     weighted = shares.T[:, :, None] * positions  # (K, N, d)
     gram = weighted.swapaxes(1, 2) @ positions + POSITION_FLOOR * np.eye(d)
@@ -118,6 +119,7 @@ def constrained_em(
     *,
     iterations: int,
     tolerance: float = 1e-5,
+    floor: float = POSITION_FLOOR,
 ) -> JointMixture:
     """Return the mixture that EM reaches from a partition of the data.
 
@@ -128,12 +130,13 @@ def constrained_em(
         barrier: The stability constraint.
         iterations: At most this many.
         tolerance: Stop when the mean log-likelihood gains less.
+        floor: Variance added to every position covariance, in squared rms distances.
     """
-    mixture = maximisation(np.eye(labels.max() + 1)[labels], positions, velocities, barrier)
+    mixture = maximisation(np.eye(labels.max() + 1)[labels], positions, velocities, barrier, floor=floor)
     last = -np.inf
     for _ in range(iterations):
         responsibilities = expectation(mixture.log_joint(positions, velocities))
-        mixture = maximisation(responsibilities, positions, velocities, barrier, mixture)
+        mixture = maximisation(responsibilities, positions, velocities, barrier, mixture, floor)
         current = log_likelihood(mixture, positions, velocities)
         if current - last < tolerance:
             break

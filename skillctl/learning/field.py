@@ -72,11 +72,35 @@ def _logit_slopes(logits: FloatArray, positions: FloatArray) -> FloatArray:
     """Return ∂logit_k/∂ξ_j at positions (d, n). Shape (K, d, n)."""
     d, n = positions.shape
     k = len(logits)
+    bend = gate_precisions(logits, d).reshape(k * d, d) @ positions
+    return np.asarray(logits[:, 1 : 1 + d, None] - bend.reshape(k, d, n))
+
+
+def gate_precisions(logits: FloatArray, d: int) -> FloatArray:
+    """Return Q_k of logit_k(ξ) = c + lᵀξ − ½ ξᵀQ_kξ for logits W (K, F). Shape (K, d, d), symmetric."""
     rows, columns = np.triu_indices(d)
-    quadratic = np.zeros((k, d, d))
-    quadratic[:, rows, columns] = logits[:, 1 + d :]
-    quadratic += quadratic.swapaxes(1, 2)  # the diagonal doubles, as the derivative of ξ_i² does
-    return np.asarray(logits[:, 1 : 1 + d, None] + (quadratic.reshape(k * d, d) @ positions).reshape(k, d, n))
+    quadratic = np.zeros((len(logits), d, d))
+    quadratic[:, rows, columns] = -logits[:, 1 + d :]
+    return np.asarray(
+        quadratic + quadratic.swapaxes(1, 2)
+    )  # the diagonal doubles: −½ Q_ii is its coefficient
+
+
+def spread_root(positions: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of the covariance of the data (N, d), kept away from flat. Shape (d, d)."""
+    d = positions.shape[1]
+    covariance = np.cov(positions.T).reshape(d, d) + 1e-3 * np.eye(d)
+    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+
+
+def most_convex_gate(logits: FloatArray, root: FloatArray) -> float:
+    """Return how far the most convex gate is from a Gaussian: −λ_min of all Q_k in whitened coordinates.
+
+    Args:
+        logits: W, shape (K, F).
+        root: Cholesky factor of the covariance of the data, shape (d, d).
+    """
+    return -float(np.linalg.eigvalsh(root.T @ gate_precisions(logits, len(root)) @ root).min())
 
 
 def heun_rollouts(

@@ -81,7 +81,7 @@ def _step(objective: LearningObjective, state: State) -> bool:
         step *= barrier.feasible_share(matrices, step[: k * size].reshape(matrices.shape))
         trial = field.stepped(step)
         wall = float(barrier.value(trial.matrices).sum())
-        if np.isfinite(wall):
+        if np.isfinite(wall) and objective.representable(trial):
             evaluation = objective.evaluate(trial)
             gain = start - evaluation.cost - weight * wall
             predicted = -float(step @ slope) - 0.5 * float(step @ normal @ step)

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.learning.field import Field, heun_rollouts, rollout_sensitivities
+from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, rollout_sensitivities, spread_root
 from skillctl.learning.preprocess import TrainingData
+
+# A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
+# (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
+MOST_CONVEX = 80.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,7 +28,7 @@ class Weights:
         displaced_share: Share of the rollout weight that the displaced copies have.
     """
 
-    rollout: float = 10.0
+    rollout: float = 100.0
     phase: float = 1.0
     robust: float = 0.05
     overrun: float = 1.1
@@ -92,10 +96,15 @@ class LearningObjective:
         self.data, self.weights, self.rollouts = data, weights, rollouts
         self.paths, self.path_weights = _with_displaced(data.positions, weights)
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
+        self.root = spread_root(data.points[0])
         self.positions, self.targets = (a.T.copy() for a in data.points)
         self.velocity_weight = 1.0 / np.sqrt(self.positions.shape[1])
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = _phases(self.paths)
+
+    def representable(self, field: Field) -> bool:
+        """Return whether the gates can be stored as a Gaussian mixture without priors that underflow."""
+        return most_convex_gate(field.logits, self.root) < MOST_CONVEX
 
     def evaluate(self, field: Field) -> Evaluation:
         """Return the residuals at ``field``."""

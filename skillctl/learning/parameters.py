@@ -7,7 +7,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import FitError
 from skillctl.learning.em import JointMixture
-from skillctl.learning.field import Field
+from skillctl.learning.field import Field, gate_precisions, most_convex_gate, spread_root
 from skillctl.learning.preprocess import TrainingData
 from skillctl.model import GaussianMixture, SedsSkill, StateSpace
 from skillctl.model.mixture import quadratic_coefficients, quadratic_features, softmax
@@ -41,17 +41,12 @@ def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray,
     Raises:
         FitError: Some prior would underflow whatever the gauge.
     """
-    k, d = len(logits), positions.shape[1]
-    rows, columns = np.triu_indices(d)
-    quadratic = np.zeros((k, d, d))
-    quadratic[:, rows, columns] = -logits[:, 1 + d :]
-    quadratic = quadratic + quadratic.swapaxes(1, 2)
+    d = positions.shape[1]
+    quadratic = gate_precisions(logits, d)
     centre = positions.mean(axis=0)
-    covariance = np.cov(positions.T).reshape(d, d) + 1e-3 * np.eye(d)
-    gauge = np.linalg.inv(covariance)
-    root = np.linalg.cholesky(covariance)
-    lowest = float(np.linalg.eigvalsh(root.T @ quadratic @ root).min())
-    base = max(-lowest, 0.0)
+    root = spread_root(positions)
+    gauge = np.linalg.inv(root @ root.T)
+    base = max(most_convex_gate(logits, root), 0.0)
     best: tuple[FloatArray, FloatArray, FloatArray] | None = None
     spread = -SMALLEST_LOG_PRIOR
     for extra in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):

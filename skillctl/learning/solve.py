@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import InputDataError
 from skillctl.learning.barrier import StabilityBarrier
-from skillctl.learning.em import JointMixture, constrained_em, log_likelihood, position_em
+from skillctl.learning.em import POSITION_FLOOR, JointMixture, constrained_em, log_likelihood, position_em
 from skillctl.learning.field import Field
 from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
@@ -17,6 +17,7 @@ from skillctl.learning.options import Effort, LearnOptions
 from skillctl.learning.parameters import field_of
 from skillctl.learning.preprocess import TrainingData
 
+BROAD_START = 1e-3  # variance that gates start with where an optimiser goes on: narrow ones leave it no slope
 COARSE_AND_FINE = 1.15  # a fit whose cost grows by more under fine integration exploits its own step size
 
 
@@ -101,10 +102,11 @@ def initial_mixtures(
         raise InputDataError(
             f"the demonstrations have fewer than {n_components} distinct parts.", hint="Use fewer components."
         )
-    iterations = 200 if options.objective == "likelihood" else 10
+    converged = options.objective == "likelihood"
+    iterations, floor = (200, POSITION_FLOOR) if converged else (10, BROAD_START)
     mixtures = []
     for index, partition in enumerate(labels):
-        mixtures.append(constrained_em(partition, *data.points, barrier, iterations=iterations))
+        mixtures.append(constrained_em(partition, *data.points, barrier, iterations=iterations, floor=floor))
         progress(Progress("mixtures", index + 1, len(labels), -log_likelihood(mixtures[-1], *data.points)))
     return mixtures
 
