@@ -26,6 +26,10 @@ COMMANDS = {
     "simulate": "Run a skill on a simulated arm.",
     "quickstart": "See all of the above on an example, in about a minute.",
     "ls": "List the skills of the store.",
+    "tag": "Name a version, as in reach@release.",
+    "untag": "Remove such a name.",
+    "rm": "Remove versions from the store.",
+    "gc": "Remove all but the newest versions.",
 }
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}

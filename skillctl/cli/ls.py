@@ -2,37 +2,84 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillctl.cli import options, render, words
+from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
-    from skillctl.usecases.ls import StoreReport
+    from skillctl.usecases.ls import StoredSkill, StoreReport, VersionEntry
 
 EXAMPLES = """\b
 Example:
   skillctl ls
-  skillctl ls --store path/to/skills --json"""
+  skillctl ls reach --check
+  skillctl ls --store path/to/skills --json
+
+Exit codes: 0 listed; 7 with --check: a file is damaged."""
 
 
-def ls(context: typer.Context, store: options.Store = None) -> None:
-    """List the skills of the store: names, versions, and the file of the newest one."""
+def ls(
+    context: typer.Context,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME...]", help="Show every version of these skills.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Read the files as a whole and compare them with their seals.")
+    ] = False,
+    store: options.Store = None,
+) -> None:
+    """List the skills of the store: versions, kind, aliases, size and digest.
+
+    Without names, a line a skill, about its newest version. With --json always every version.
+    """
     from skillctl.usecases.ls import list_skills
 
     output: Output = context.obj
-    report = list_skills(store)
-    output.result(report, lambda: blocks(report))
+    report = list_skills(store, names=names or (), check=check)
+    output.result(report, lambda: blocks(report, each=bool(names)))
+    for skill in report.skills:
+        for problem in (skill.problem, *(entry.problem for entry in skill.entries)):
+            if problem:
+                output.note(f"warning: {problem}")
+    if check and any(not entry.verified for skill in report.skills for entry in skill.entries):
+        raise typer.Exit(ExitCode.REFUSED)
 
 
-def blocks(report: StoreReport) -> list[render.Block]:
-    """Return the report for people."""
+def blocks(report: StoreReport, each: bool = False) -> list[render.Block]:
+    """Return the report for people: a line for each version, or for each skill."""
     if not report.skills:
         return [f"{report.store} holds no skills yet."]
-    rows = tuple(
-        (skill.name, str(skill.versions[-1]), str(len(skill.versions)), words.near(skill.path))
-        for skill in report.skills
+    if each:
+        rows = [
+            _row(f"{skill.name}@{entry.version}", entry) for skill in report.skills for entry in skill.entries
+        ]
+        return [render.Table(("skill", *HEADINGS), tuple(rows))]
+    return [render.Table(("skill", "versions", *HEADINGS), tuple(map(_summary, report.skills)))]
+
+
+HEADINGS = ("kind", "aliases", "size", "whole", "digest")
+
+
+def _summary(skill: StoredSkill) -> tuple[str, ...]:
+    """Return the newest version's line, with the aliases and seals of all."""
+    newest = skill.entries[-1]
+    aliases = ", ".join(f"{word}={entry.version}" for entry in skill.entries for word in entry.aliases)
+    checked = [entry.verified for entry in skill.entries]
+    whole = None if None in checked else all(checked)
+    name, kind, _, size, _, digest = _row(f"{skill.name}@{newest.version}", newest)
+    return (name, str(len(skill.versions)), kind, aliases or words.NONE, size, words.yes_no(whole), digest)
+
+
+def _row(name: str, entry: VersionEntry) -> tuple[str, ...]:
+    return (
+        name,
+        entry.kind or "unreadable",
+        ", ".join(entry.aliases) or words.NONE,
+        words.NONE if entry.bytes is None else f"{entry.bytes / 1024:.1f} KiB",
+        words.yes_no(entry.verified),
+        words.short(entry.digest),
     )
-    return [render.Table(("skill", "newest", "versions", "file"), rows)]

@@ -89,15 +89,11 @@ def _listed(text: str, read: Callable[[str], T], expected: str) -> list[T]:
 SKILL = "FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS or NAME@sha256:…"
 Skill = Annotated[
     str,
-    typer.Argument(
-        metavar="SKILL", help="FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS, NAME@sha256:…"
-    ),
+    typer.Argument(metavar="SKILL", help=SKILL),
 ]
 Skills = Annotated[
     list[str],
-    typer.Argument(
-        metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3, NAME@ALIAS, NAME@sha256:…"
-    ),
+    typer.Argument(metavar="SKILL...", help=SKILL),
 ]
 Alias = Annotated[str, typer.Argument(metavar="ALIAS", help="A word such as release.")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")]
@@ -120,6 +116,15 @@ Name = Annotated[
         metavar="NAME",
         help="Publish it in the store as the next version of NAME.",
         rich_help_panel=RESULT,
+    ),
+]
+NoRefit = Annotated[
+    bool,
+    typer.Option(
+        "--no-refit",
+        help="Refuse skills that cannot be proved together as they are, instead of learning them again from "
+        "the demonstrations they carry.",
+        rich_help_panel=MOTION,
     ),
 ]
 Target = Annotated[

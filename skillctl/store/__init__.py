@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from skillctl.store.locating import locate, locate_store, resolve
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
+    from skillctl.store.references import Reference, parse_reference
     from skillctl.store.registry import Located, Registry, StoredVersion
     from skillctl.store.schema import (
         DemonstrationReport,
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
         Provenance,
         label,
     )
-    from skillctl.store.seal import Header, read_header
+    from skillctl.store.seal import Header, read_header, require_whole
     from skillctl.store.writer import encode
 
 _MODULES = {
@@ -32,9 +33,10 @@ _MODULES = {
     "locating": ("locate", "locate_store", "resolve"),
     "provenance": ("current_provenance", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
+    "references": ("Reference", "parse_reference"),
     "registry": ("Located", "Registry", "StoredVersion"),
     "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance", "label"),
-    "seal": ("Header", "read_header"),
+    "seal": ("Header", "read_header", "require_whole"),
     "writer": ("encode",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
@@ -48,6 +50,7 @@ __all__ = [
     "Operation",
     "ParentRecord",
     "Provenance",
+    "Reference",
     "Registry",
     "StoredVersion",
     "current_provenance",
@@ -59,8 +62,10 @@ __all__ = [
     "label",
     "locate",
     "locate_store",
+    "parse_reference",
     "read_header",
     "read_skill",
+    "require_whole",
     "resolve",
     "write_file",
 ]

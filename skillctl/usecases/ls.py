@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.store import Registry, locate_store
+from skillctl.errors import ArtifactError, NotFoundError, StoreError
+from skillctl.store import Registry, locate_store, read_header, require_whole
+
+
+@dataclass(frozen=True, slots=True)
+class VersionEntry:
+    """One version, as its file states it in its first bytes.
+
+    Attributes:
+        version: Its number.
+        aliases: Words that name it.
+        kind: ``seds``, ``merged`` or ``combined``; None where the file cannot be read, as digest and bytes.
+        digest: Content digest.
+        bytes: Size of the file.
+        verified: Whether the whole file matches its seal; None where only its beginning was read.
+        problem: What is wrong with it, if anything.
+    """
+
+    version: int
+    aliases: tuple[str, ...]
+    kind: str | None = None
+    digest: str | None = None
+    bytes: int | None = None
+    verified: bool | None = None
+    problem: str | None = None
 
 
 @dataclass(frozen=True)
@@ -16,11 +41,15 @@ class StoredSkill:
         name: Of the skill.
         versions: Its version numbers, rising.
         path: File of the newest one.
+        entries: Each version, in that order.
+        problem: Why its aliases cannot be read, if so.
     """
 
     name: str
     versions: tuple[int, ...]
     path: Path
+    entries: tuple[VersionEntry, ...]
+    problem: str | None = None
 
 
 @dataclass(frozen=True)
@@ -36,15 +65,46 @@ class StoreReport:
     skills: tuple[StoredSkill, ...]
 
 
-def list_skills(store: Path | None = None) -> StoreReport:
-    """Return the names and versions in the store, without opening a single skill.
+def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: bool = False) -> StoreReport:
+    """Return names, versions and aliases of the store, and what each file states in its first bytes.
+
+    Args:
+        store: Its directory; default as on the command line.
+        names: Only these skills.
+        check: Read every file as a whole and compare it with its seal.
 
     Raises:
+        NotFoundError: There is no skill of a name.
         StoreError: The directory cannot be read.
     """
     registry = Registry(locate_store(store))
-    versions = {name: registry.versions(name) for name in registry.names()}
-    skills = [
-        StoredSkill(name, numbers, registry.path_of(name, numbers[-1])) for name, numbers in versions.items()
-    ]
-    return StoreReport(registry.root, tuple(skills))
+    for name in names:
+        registry.locate(name)
+    return StoreReport(
+        registry.root, tuple(_skill(registry, name, check) for name in names or registry.names())
+    )
+
+
+def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
+    numbers = registry.versions(name)
+    words: dict[int, list[str]] = {}
+    problem = None
+    try:
+        for alias, version in registry.aliases(name).items():
+            words.setdefault(version, []).append(alias)
+    except (ArtifactError, StoreError) as error:
+        problem = str(error)
+    entries = tuple(
+        _entry(registry.path_of(name, number), number, tuple(words.get(number, ())), check)
+        for number in numbers
+    )
+    return StoredSkill(name, numbers, registry.path_of(name, numbers[-1]), entries, problem)
+
+
+def _entry(path: Path, version: int, aliases: tuple[str, ...], check: bool) -> VersionEntry:
+    try:
+        header = require_whole(path) if check else read_header(path)
+    except (ArtifactError, NotFoundError, StoreError) as error:
+        return VersionEntry(version, aliases, verified=False if check else None, problem=str(error))
+    verified = True if check else None
+    return VersionEntry(version, aliases, header.kind, header.digest, header.file_bytes, verified)

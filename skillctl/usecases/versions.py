@@ -1,0 +1,205 @@
+"""Names for versions, and the end of versions that nobody needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skillctl.errors import UsageError, printable
+from skillctl.store import Reference, Registry, locate_store, parse_reference
+
+
+@dataclass(frozen=True)
+class TagReport:
+    """What an alias names now.
+
+    Attributes:
+        skill: ``name@3``; what an alias that was removed had named.
+        alias: The word.
+        before: What the alias named until now, if anything.
+    """
+
+    skill: str
+    alias: str
+    before: str | None
+
+
+@dataclass(frozen=True)
+class Removal:
+    """One version that is removed.
+
+    Attributes:
+        skill: ``name@3``.
+        path: Its file.
+        aliases: That named it, and go with it.
+    """
+
+    skill: str
+    path: Path
+    aliases: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RemoveReport:
+    """Which versions were removed.
+
+    Attributes:
+        store: The directory.
+        removed: Versions, by name and number.
+        kept: How many versions of the same skills stay.
+        dry_run: Nothing was removed: this is what would be.
+    """
+
+    store: Path
+    removed: tuple[Removal, ...]
+    kept: int
+    dry_run: bool
+
+
+def tag(reference: str, alias: str, *, store: Path | None = None) -> TagReport:
+    """Let an alias name a version of the store.
+
+    Raises:
+        UsageError: The reference names a file, or no version can be called so.
+        NotFoundError: There is no such skill or version.
+        InvalidRefsError: The skill's aliases cannot be read.
+    """
+    registry = Registry(locate_store(store))
+    name, version = _stored(registry, reference)
+    before = registry.tag(name, version, alias)
+    return TagReport(f"{name}@{version}", alias, None if before is None else f"{name}@{before}")
+
+
+def untag(name: str, alias: str, *, store: Path | None = None) -> TagReport:
+    """Remove an alias; the version stays.
+
+    Raises:
+        NotFoundError: There is no such skill or alias.
+        InvalidRefsError: The skill's aliases cannot be read.
+    """
+    version = Registry(locate_store(store)).untag(name, alias)
+    return TagReport(f"{name}@{version}", alias, f"{name}@{version}")
+
+
+def remove(
+    references: Sequence[str],
+    *,
+    all_versions: bool = False,
+    force: bool = False,
+    dry_run: bool = False,
+    store: Path | None = None,
+) -> RemoveReport:
+    """Remove versions from the store; their numbers are not given again.
+
+    Args:
+        references: ``name@3``, ``name@alias`` or ``name@sha256:…``; with ``all_versions`` names alone.
+        all_versions: Remove every version of the names.
+        force: Remove versions that have aliases, too, and the aliases with them.
+        dry_run: Only say what would be removed.
+        store: Where names live; default as on the command line.
+
+    Raises:
+        UsageError: A name without a version, a file, or a version that has an alias.
+        NotFoundError: There is no such version; nothing is removed.
+    """
+    registry = Registry(locate_store(store))
+    doomed: dict[str, set[int]] = {}
+    for reference in references:
+        parsed = _parsed(reference)
+        if all_versions != ("@" not in reference):
+            raise UsageError(
+                f"{reference}: with --all, give names without a version."
+                if all_versions
+                else f"{reference} does not say which version.",
+                hint=f"Write {parsed.name}@3, or --all {parsed.name} for every version.",
+            )
+        name, version = _stored(registry, reference)
+        doomed.setdefault(name, set()).update(registry.versions(name) if all_versions else {version})
+    if not force:
+        _require_untagged(registry, doomed)
+    return _remove(registry, doomed, dry_run)
+
+
+def collect(
+    names: Sequence[str] = (),
+    *,
+    keep_last: int,
+    keep_tagged: bool = False,
+    dry_run: bool = False,
+    store: Path | None = None,
+) -> RemoveReport:
+    """Remove all but the newest versions of skills.
+
+    Args:
+        names: Skills; all of the store by default.
+        keep_last: How many versions of each skill to keep, at least 1.
+        keep_tagged: Keep versions that have an alias, too.
+        dry_run: Only say what would be removed.
+        store: Where names live; default as on the command line.
+
+    Raises:
+        UsageError: Fewer than one version would be kept.
+        NotFoundError: There is no skill of a name.
+    """
+    if keep_last < 1:
+        raise UsageError(
+            f"--keep-last {keep_last}: at least the newest version is kept.",
+            hint="`skillctl rm --all NAME` removes a skill altogether.",
+        )
+    registry = Registry(locate_store(store))
+    for name in names:
+        registry.locate(name)
+    doomed: dict[str, set[int]] = {}
+    for name in names or registry.names():
+        tagged = set(registry.aliases(name).values()) if keep_tagged else set()
+        doomed[name] = set(registry.versions(name)[:-keep_last]) - tagged
+    return _remove(registry, doomed, dry_run)
+
+
+def _parsed(reference: str) -> Reference:
+    parsed = parse_reference(reference)
+    if isinstance(parsed, Path):
+        raise UsageError(
+            f"{printable(reference)} names a file; only skills of the store have versions.",
+            hint="Name it like reach@3.",
+        )
+    return parsed
+
+
+def _stored(registry: Registry, reference: str) -> tuple[str, int]:
+    """Return name and version of a skill of the store."""
+    _parsed(reference)
+    located = registry.locate(reference)
+    assert located.name is not None  # not a file
+    assert located.version is not None
+    return located.name, located.version
+
+
+def _require_untagged(registry: Registry, doomed: dict[str, set[int]]) -> None:
+    for name, numbers in doomed.items():
+        for alias, version in registry.aliases(name).items():
+            if version in numbers:
+                raise UsageError(
+                    f"{name}@{version} is {name}@{alias}; nothing was removed.",
+                    hint=f"`skillctl untag {name} {alias}` first, or --force.",
+                )
+
+
+def _remove(registry: Registry, doomed: dict[str, set[int]], dry_run: bool) -> RemoveReport:
+    removed: list[Removal] = []
+    kept = 0
+    for name, numbers in sorted(doomed.items()):
+        kept += len(registry.versions(name)) - len(numbers)
+        if not numbers:
+            continue
+        aliases = registry.aliases(name) if dry_run else registry.remove(name, numbers)
+        removed += [
+            Removal(
+                f"{name}@{number}",
+                registry.path_of(name, number),
+                tuple(alias for alias, version in aliases.items() if version == number),
+            )
+            for number in sorted(numbers)
+        ]
+    return RemoveReport(registry.root, tuple(removed), kept, dry_run)
