@@ -71,6 +71,11 @@ def test_verify_stability_needs_neither_scipy_nor_pybullet(tmp_path, library):
     assert loaded.isdisjoint({"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib"})
 
 
+def test_diff_needs_neither_scipy_nor_pybullet(tmp_path, library):
+    loaded = packages("diff", "curve", "plain", "--store", library, cwd=tmp_path)
+    assert loaded.isdisjoint({"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib"})
+
+
 def test_learning_needs_no_simulator(tmp_path, curve_files):
     loaded = packages("learn", *curve_files[:2], "--preset", "fast", "-o", "a.h5", cwd=tmp_path)
     assert "numpy" in loaded

@@ -26,6 +26,7 @@ COMMANDS = {
     "simulate": "Run a skill on a simulated arm.",
     "quickstart": "See all of the above on an example, in about a minute.",
     "ls": "List the skills of the store.",
+    "diff": "Compare two skills.",
     "tag": "Name a version, as in reach@release.",
     "untag": "Remove such a name.",
     "rm": "Remove versions from the store.",

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from skillctl.store.artifact import Artifact
+    from skillctl.store.artifact import Artifact, metadata_of
     from skillctl.store.files import write_file
     from skillctl.store.locating import locate, locate_store, resolve
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skillctl.store.writer import encode
 
 _MODULES = {
-    "artifact": ("Artifact",),
+    "artifact": ("Artifact", "metadata_of"),
     "files": ("write_file",),
     "locating": ("locate", "locate_store", "resolve"),
     "provenance": ("current_provenance", "input_fingerprint", "input_record"),
@@ -62,6 +62,7 @@ __all__ = [
     "label",
     "locate",
     "locate_store",
+    "metadata_of",
     "parse_reference",
     "read_header",
     "read_skill",

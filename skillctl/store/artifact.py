@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -75,8 +76,13 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
         InvalidModelError: A text that the format does not allow, such as a name with control characters.
     """
     arrays: dict[str, Array] = {**model_arrays(artifact.skill), **_demonstration_arrays(artifact)}
-    text = dump_canonical(_meta_of(artifact).model_dump(mode="json"))
+    text = dump_canonical(metadata_of(artifact))
     return {**arrays, META: np.frombuffer(text, dtype=np.uint8)}
+
+
+def metadata_of(artifact: Artifact) -> dict[str, Any]:
+    """Return meta.json of an artifact, as JSON values."""
+    return _meta_of(artifact).model_dump(mode="json")
 
 
 def artifact_of(arrays: Mapping[str, Array], name: str) -> Artifact:

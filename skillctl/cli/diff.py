@@ -1,0 +1,118 @@
+"""``skillctl diff``."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skillctl.cli import options, render, words
+from skillctl.cli.exit_codes import ExitCode
+from skillctl.cli.output import Output
+
+if TYPE_CHECKING:
+    from skillctl.usecases.diff import DiffReport, FieldDifference
+
+EXAMPLES = """\b
+Example:
+  skillctl diff reach@1 reach@2
+  skillctl diff reach.h5 reach@release --exit-code --atol 1e-4
+
+Exit codes: 0 compared; 1 with --exit-code: behaviour or certificate differ by more than the tolerances."""
+
+SHOWN = 60  # characters of a value in the table
+
+
+def diff(
+    context: typer.Context,
+    first: Annotated[str, typer.Argument(metavar="A", help=options.SKILL)],
+    second: Annotated[str, typer.Argument(metavar="B", help=options.SKILL)],
+    exit_code: Annotated[
+        bool, typer.Option("--exit-code", help="Exit 1 if they behave differently.")
+    ] = False,
+    atol: Annotated[
+        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by this much, and")
+    ] = 1e-9,
+    rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what A has.")] = 1e-9,
+    store: options.Store = None,
+) -> None:
+    """Compare two skills: metadata, numbers, how they move, what is proved.
+
+    Components are matched before they are compared. Motions are compared on the demonstrations that the
+    skills carry and on a grid around them. Behaviour and certificate alone decide whether they differ.
+    """
+    from skillctl.usecases.diff import diff as diff_skills
+
+    output: Output = context.obj
+    report = diff_skills(first, second, atol=atol, rtol=rtol, store=store)
+    output.result(report, lambda: blocks(report))
+    if exit_code and report.differs:
+        raise typer.Exit(ExitCode.NEGATIVE)
+
+
+def blocks(report: DiffReport) -> list[render.Block]:
+    """Return the report for people."""
+    named = (("a", report.a), ("b", report.b))
+    sides = tuple((letter, f"{side.skill}  {words.short(side.digest)}") for letter, side in named)
+    if report.identical:
+        return [render.Facts((*sides, ("result", "identical")))]
+    changes = tuple((change.field, _shown(change.a), _shown(change.b)) for change in report.metadata)
+    result = "they behave differently" if report.differs else "they behave the same"
+    return [
+        render.Facts(sides),
+        render.Table(("metadata", "a", "b"), changes),
+        *_numbers(report),
+        render.Facts((*_motion(report), *_proofs(report), ("result", result))),
+    ]
+
+
+def _numbers(report: DiffReport) -> list[render.Block]:
+    if report.leaves is None:
+        return ["Not made of equally many leaves in one space: their numbers are not compared."]
+    headings = ("leaf", "unmatched", "attractor", "priors", "means", "covariances", "matrices", "Lyapunov")
+    rows = tuple(
+        (
+            str(leaf.leaf),
+            str(leaf.unmatched),
+            words.length(leaf.attractor, report.unit),
+            words.number(leaf.priors),
+            words.length(leaf.means, report.unit),
+            *(f"{share:.2%}" for share in (leaf.covariances, leaf.system_matrices, leaf.lyapunov)),
+        )
+        for leaf in report.leaves
+    )
+    return [render.Table(headings, rows)]
+
+
+def _motion(report: DiffReport) -> list[tuple[str, str]]:
+    behaviour, unit = report.behaviour, report.unit
+    if behaviour.grid is None:
+        return [("behaviour", "not comparable: they live in different spaces")]
+    return [
+        ("velocity on demonstrations", _field(behaviour.demonstrations, unit)),
+        ("velocity on a grid", _field(behaviour.grid, unit)),
+        ("motions apart", words.length(behaviour.rollouts, unit)),
+        ("attractors apart", words.length(behaviour.attractors, unit)),
+    ]
+
+
+def _field(difference: FieldDifference | None, unit: str) -> str:
+    if difference is None:
+        return words.NONE
+    greatest, speed = (words.per_second(value, unit) for value in (difference.greatest, difference.speed))
+    return f"{greatest} apart at most, of {speed} ({difference.points} points)"
+
+
+def _proofs(report: DiffReport) -> list[tuple[str, str]]:
+    said = []
+    for certificate in report.certificates:
+        rate, period, _ = words.rate_and_period(certificate.rate, certificate.period)
+        said.append(f"{certificate.verdict}, {certificate.scope}, rate {rate}, period {period}")
+    return [("proved", said[0] if said[0] == said[1] else f"a: {said[0]}; b: {said[1]}")]
+
+
+def _shown(value: Any) -> str:
+    """Return a metadata value in one short line."""
+    text = words.NONE if value is None else json.dumps(value, ensure_ascii=False).strip('"')
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"
