@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl combine top-left top-centre top-right --align --target 0.63,0,0.76 --name shelf
-  skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5"""
+  skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5
+  skillctl combine left.h5 right.h5 --calibrate -o both.h5"""
 
 
 def combine(
@@ -49,6 +50,14 @@ def combine(
             rich_help_panel=options.MOTION,
         ),
     ] = None,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Choose the priors so that motions that start where a skill was taught select it.",
+            rich_help_panel=options.MOTION,
+        ),
+    ] = False,
     disturbance_distance: Annotated[
         float | None,
         typer.Option(
@@ -58,6 +67,7 @@ def combine(
             rich_help_panel=options.MOTION,
         ),
     ] = None,
+    no_refit: options.NoRefit = False,
     store: options.Store = None,
 ) -> None:
     """Combine skills: one of them acts at a time, chosen by where the motion starts.
@@ -68,13 +78,16 @@ def combine(
     from skillctl.usecases.combine import combine as combine_skills
 
     output: Output = context.obj
-    report = combine_skills(
-        skills,
-        output=output_file,
-        name=name,
-        store=store,
-        options=CombineOptions(priors, gate, align, target, disturbance_distance),
-    )
+    with output.progress("combining") as progress:
+        report = combine_skills(
+            skills,
+            output=output_file,
+            name=name,
+            store=store,
+            options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
+            refit=not no_refit,
+            progress=progress,
+        )
     for note in report.notes:
         output.note(f"note: {note}")
     for sentence in report.not_guaranteed:
@@ -84,11 +97,7 @@ def combine(
 
 def blocks(report: CombineReport) -> list[render.Block]:
     """Return the report for people."""
-    coverage = tuple(
-        (str(part.part), str(part.demonstrations), f"{part.selected:.0%}", f"{part.kept:.0%}")
-        for part in report.coverage
-    )
-    headings = ("part", "demonstrations", "start selects it", "and ends at its target")
+    headings, coverage = _coverage(report)
     ends = report.attractors[:1] if report.aligned else report.attractors
     facts = (
         *words.written(report.skill, report.path, report.digest, report.created),
@@ -97,4 +106,18 @@ def blocks(report: CombineReport) -> list[render.Block]:
         ("selects again after", words.length(report.disturbance_distance, report.unit)),
         *words.proof(report.verdict, report.rate, report.period, report.scope),
     )
-    return [words.parts(report.parts, "prior"), render.Table(headings, coverage), render.Facts(facts)]
+    again = [words.refits(report.refits, report.unit)] if report.refits else []
+    return [words.parts(report.parts, "prior"), *again, render.Table(headings, coverage), render.Facts(facts)]
+
+
+def _coverage(report: CombineReport) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Return headings and rows: what each part keeps, and kept before calibration."""
+    headings = ("part", "demonstrations", "start selects it", "and ends at its target")
+    rows = [
+        (str(part.part), str(part.demonstrations), f"{part.selected:.0%}", f"{part.kept:.0%}")
+        for part in report.coverage
+    ]
+    if report.coverage_before is None:
+        return headings, tuple(rows)
+    before = [f"{part.kept:.0%}" for part in report.coverage_before]
+    return (*headings, "with equal priors"), tuple((*row, b) for row, b in zip(rows, before, strict=True))

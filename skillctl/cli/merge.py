@@ -66,15 +66,7 @@ def merge(
         float, typer.Option(metavar="F", help="Factor on the velocity.", rich_help_panel=options.MOTION)
     ] = 1.0,
     target: options.Target = None,
-    no_refit: Annotated[
-        bool,
-        typer.Option(
-            "--no-refit",
-            help="Refuse skills that cannot be proved together as they are, instead of learning them again "
-            "from the demonstrations they carry.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = False,
+    no_refit: options.NoRefit = False,
     fit: Annotated[
         list[Path] | None,
         typer.Option(
@@ -174,15 +166,7 @@ def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
     blocks: list[render.Block] = [words.parts(report.parts, "weight")]
     if report.refits:
-        rows = tuple(
-            (
-                refit.skill,
-                words.length(refit.dtw_before, report.unit),
-                words.length(refit.dtw_after, report.unit),
-            )
-            for refit in report.refits
-        )
-        blocks.append(render.Table(("learned again", "DTW before", "DTW after"), rows))
+        blocks.append(words.refits(report.refits, report.unit))
     if report.task is not None:
         blocks.append(_errors(report.task, report.unit))
     gate = report.gate if report.gate != "experts" else f"experts, sharpness {report.sharpness:g}"

@@ -12,6 +12,7 @@ from skillctl.cli.render import Table
 if TYPE_CHECKING:
     from skillctl.store import DemonstrationReport
     from skillctl.usecases.parts import PartSummary
+    from skillctl.usecases.refit import Refit
 
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart
@@ -89,6 +90,12 @@ def parts(summaries: Sequence[PartSummary], share: str) -> Table:
         for number, part in enumerate(summaries, start=1)
     )
     return Table(("part", "skill", share, "components", "digest"), rows)
+
+
+def refits(refits: Sequence[Refit], unit: str) -> Table:
+    """Return a table of the parts that were learned again, and what that did to their motions."""
+    rows = tuple((r.skill, length(r.dtw_before, unit), length(r.dtw_after, unit)) for r in refits)
+    return Table(("learned again", "DTW before", "DTW after"), rows)
 
 
 def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_leaf: bool = False) -> Table:

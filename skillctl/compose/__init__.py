@@ -1,7 +1,8 @@
 """Skills made from skills: merge, combine, and the common Lyapunov matrix that proves a merger."""
 
 from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt, most_helpful
-from skillctl.compose.combine import PartCoverage, combine, coverage
+from skillctl.compose.combine import combine
+from skillctl.compose.coverage import PartCoverage, calibrated_priors, coverage
 from skillctl.compose.lyapunov import (
     acting_matrices,
     common_lyapunov,
@@ -20,6 +21,7 @@ __all__ = [
     "PartCoverage",
     "acting_matrices",
     "adapt",
+    "calibrated_priors",
     "combine",
     "common_lyapunov",
     "common_lyapunov_of",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,6 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import with_lyapunov
 from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
 from skillctl.errors import UsageError
-from skillctl.model.contraction import contraction_periods
-from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.rollout import rollout
 from skillctl.model.skill import (
     COMBINE_GATES,
     CombinedSkill,
@@ -26,8 +23,6 @@ from skillctl.model.skill import (
 )
 
 DISTURBANCE_SHARE = 0.05  # of the smallest part's extent: more than tracking errors, less than a push
-DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
-STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
 
 def combine(
@@ -103,64 +98,3 @@ def _extent(part: SedsSkill | MergedSkill) -> float:
     reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
     return float(np.linalg.norm(high - low))
-
-
-@dataclass(frozen=True, slots=True)
-class PartCoverage:
-    """How well a combined skill keeps what one of its parts was taught.
-
-    Attributes:
-        part: Counted from 1.
-        demonstrations: Number of embedded demonstrations.
-        selected: Share whose start selects this part.
-        kept: Share whose start selects it and whose motion ends at its attractor.
-    """
-
-    part: int
-    demonstrations: int
-    selected: float
-    kept: float
-
-
-def coverage(
-    skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
-) -> tuple[PartCoverage, ...]:
-    """Return, for each part, how many of its demonstrations still start and end in it.
-
-    A demonstration is a motion relative to its own end point, so it is laid out from where the part's
-    attractor is now. Rollouts follow the skill's own gate.
-
-    Args:
-        skill: What ``combine`` returned.
-        demonstrations: One set per leaf of the skill, None where none is embedded.
-
-    Raises:
-        UsageError: Another number of sets than leaves.
-    """
-    if len(demonstrations) != len(skill.leaves):
-        raise UsageError(f"demonstrations: expected {len(skill.leaves)} sets, got {len(demonstrations)}.")
-    remaining = list(demonstrations)
-    report = []
-    for index, part in enumerate(skill.parts):
-        sets = [remaining.pop(0) for _ in part.leaves]
-        motions = [motion for chosen in sets if chosen is not None for motion in chosen]
-        if not motions:
-            continue
-        starts = np.stack([part.attractor + (m.positions[0] - m.positions[-1]) for m in motions])
-        longest = max(motion.duration for motion in motions)
-        selected = skill.part_at(starts) == index
-        kept = selected & _ends_at(skill, index, starts, longest)
-        report.append(PartCoverage(index + 1, len(motions), float(np.mean(selected)), float(np.mean(kept))))
-    return tuple(report)
-
-
-def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: float) -> npt.NDArray[np.bool_]:
-    """Return which motions are at the attractor of part ``index`` after ``DURATIONS`` demonstrations."""
-    periods = [
-        float(contraction_periods(part.lyapunov, skill.speed * part.component_matrices).min())
-        for part in skill.parts
-    ]
-    period = float(np.clip(0.5 * min(periods), longest / STEPS[1], longest / STEPS[0]))
-    result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
-    distances = np.linalg.norm(result.positions[:, -1, None] - skill.attractors, axis=2)
-    return np.asarray(result.arrived & (distances[:, index] == distances.min(axis=1)))

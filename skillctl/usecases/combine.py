@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from skillctl import compose
 from skillctl.arrays import FloatArray
 from skillctl.compose import PartCoverage
-from skillctl.errors import FitError
+from skillctl.errors import FitError, UsageError
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
 from skillctl.stability import Certificate, Scope, Verdict, certify
@@ -23,7 +24,10 @@ from skillctl.usecases.parts import (
     open_parts,
     summaries,
 )
+from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
+from skillctl.usecases.refit import Refit
+from skillctl.usecases.together import LyapunovOrigin, Together, prove_together
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,9 @@ class CombineReport:
         attractors, unit: Where the parts end, one row a part.
         disturbance_distance: A jump of the state by more than this selects again (latched), in that unit.
         coverage: Of each part, how many of its demonstrations still start and end in it.
+        coverage_before: The same before priors were calibrated; None if they were not.
+        lyapunov: How the parts came to one Lyapunov matrix; None where the proof needs no common one.
+        refits: Leaves learned again, if any.
         verdict, scope: What is proved of the whole.
         rate, period: Proved: decay rate [1/s], and longest period of a controller [s]; None where not.
         not_guaranteed: What is not proved, in sentences; empty if everything is.
@@ -55,6 +62,9 @@ class CombineReport:
     unit: str
     disturbance_distance: float
     coverage: tuple[PartCoverage, ...]
+    coverage_before: tuple[PartCoverage, ...] | None
+    lyapunov: LyapunovOrigin | None
+    refits: tuple[Refit, ...]
     verdict: Verdict
     scope: Scope
     rate: float | None
@@ -65,13 +75,18 @@ class CombineReport:
 
 @dataclass(frozen=True)
 class CombineOptions:
-    """How parts are combined; see ``skillctl.compose.combine``."""
+    """How parts are combined; see ``skillctl.compose.combine``.
+
+    Attributes:
+        calibrate: Choose the priors by the parts' embedded demonstrations.
+    """
 
     part_priors: tuple[float, ...] | None = None
     gate: CombineGate = "latched"
     align: bool = False
     target: tuple[float, ...] | None = None
     disturbance_distance: float | None = None
+    calibrate: bool = False
 
     def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
         """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""
@@ -93,6 +108,8 @@ def combine(
     name: str | None = None,
     store: Path | None = None,
     options: CombineOptions | None = None,
+    refit: bool = True,
+    progress: Progress | None = None,
 ) -> CombineReport:
     """Combine skills into one in which one part acts at a time, prove it, and write it.
 
@@ -105,45 +122,59 @@ def combine(
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
         options: How the acting part is chosen, and where the parts end.
+        refit: Learn the parts again from their embedded demonstrations where the proof needs a common
+            Lyapunov matrix and none exists.
+        progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
-        UsageError: Options that make no sense, different spaces.
+        UsageError: Options that make no sense, different spaces, nothing to calibrate by.
         NotFoundError, ArtifactError: A skill does not exist, or is not intact.
         FitError: What the gate promises could not be proved; nothing is written.
     """
     options = options or CombineOptions()
+    if options.calibrate and options.part_priors is not None:
+        raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
     destination = Destination(output, name, store)
     destination.current()
     sources = open_parts(skills, store)
-    parents = [source.skill for source in sources]
-    combined = _provable(parents, options)
+    combined = options.combine([source.skill for source in sources])
+    together = None
+    if options.gate == "instantaneous" and combined.aligned:
+        together = prove_together(sources, options.combine, refit=refit, progress=progress)
+        combined = options.combine(together.parts, together.lyapunov)
+    taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    before = compose.coverage(combined, taught)
+    coverage = before
+    if options.calibrate:
+        combined = replace(combined, part_priors=compose.calibrated_priors(combined, taught))
+        coverage = compose.coverage(combined, taught)
     certificate = certify(combined)
     if options.gate == "latched" or combined.aligned:
         require_stable(certificate)
     else:
         _require_proved_parts(certificate)
-    taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    coverage = compose.coverage(combined, taught)
-    operation = Operation(
-        command="combine", options=asdict(options), results={"kept": tuple(part.kept for part in coverage)}
-    )
-    written = destination.write(child_artifact(combined, sources, operation, carried_reports(sources)))
-    return _report(written, sources, combined, coverage, certificate)
+    operation = _operation(options, coverage, together)
+    reports = carried_reports(sources) if together is None else together.reports
+    written = destination.write(child_artifact(combined, sources, operation, reports))
+    measured = _Measured(coverage, before if options.calibrate else None)
+    return _report(written, sources, combined, measured, together, certificate)
 
 
-def _provable(parents: Sequence[Skill], options: CombineOptions) -> CombinedSkill:
-    """Return the combined skill; where its proof needs a common Lyapunov matrix, with one."""
-    combined = options.combine(parents)
-    if options.gate == "latched" or not combined.aligned:
-        return combined
-    lyapunov = compose.common_lyapunov_of(parents)
-    if lyapunov is None:
-        raise FitError(
-            "these skills have no common Lyapunov matrix, so nothing would be proved of switching between "
-            "them at every instant.",
-            hint="Use --gate latched, or learn the skills with --metric euclidean.",
-        )
-    return options.combine(parents, lyapunov)
+@dataclass(frozen=True)
+class _Measured:
+    """Coverage, and what it was before priors were calibrated, if they were."""
+
+    coverage: tuple[PartCoverage, ...]
+    before: tuple[PartCoverage, ...] | None
+
+
+def _operation(
+    options: CombineOptions, coverage: Sequence[PartCoverage], together: Together | None
+) -> Operation:
+    results: dict[str, Any] = {"kept": tuple(part.kept for part in coverage)}
+    if together is not None:
+        results |= together.results
+    return Operation(command="combine", options=asdict(options), results=results)
 
 
 def _require_proved_parts(certificate: Certificate) -> None:
@@ -166,7 +197,8 @@ def _report(
     written: Written,
     sources: Sequence[Source],
     combined: CombinedSkill,
-    coverage: tuple[PartCoverage, ...],
+    measured: _Measured,
+    together: Together | None,
     certificate: Certificate,
 ) -> CombineReport:
     parents = [source.skill for source in sources]
@@ -181,11 +213,14 @@ def _report(
         attractors=tuple(map(tuple, combined.attractors.tolist())),
         unit=combined.space.unit,
         disturbance_distance=combined.disturbance_distance,
-        coverage=coverage,
+        coverage=measured.coverage,
+        coverage_before=measured.before,
+        lyapunov=None if together is None else together.origin,
+        refits=() if together is None else together.refits,
         verdict=certificate.verdict,
         scope=certificate.scope,
         rate=certificate.rate,
         period=certificate.period,
         not_guaranteed=(*certificate.failures, *certificate.evidence),
-        notes=compose.notes_on(parents),
+        notes=(*compose.notes_on(parents), *(() if together is None else together.notes)),
     )

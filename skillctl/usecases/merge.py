@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -168,7 +167,7 @@ def merge(
     certificate = certify(merged)
     require_stable(certificate)
     operation = Operation(
-        command="merge", options={**asdict(options), "refit": refit}, results=_results(together)
+        command="merge", options={**asdict(options), "refit": refit}, results=together.results
     )
     written = destination.write(child_artifact(merged, sources, operation, together.reports))
     return _report(written, sources, merged, together, certificate)
@@ -268,18 +267,10 @@ def _reports_of_used(
     return reports
 
 
-def _results(together: Together) -> dict[str, Any]:
-    results: dict[str, Any] = {"lyapunov": together.origin}
-    if together.refits:
-        results["dtw_before"] = tuple(refit.dtw_before for refit in together.refits)
-        results["dtw_after"] = tuple(refit.dtw_after for refit in together.refits)
-    return results
-
-
 def _fitted_operation(
     options: MergeOptions, task: TaskOptions, refit: bool, fitted: FittedMerger, together: Together
 ) -> Operation:
-    results = _results(together)
+    results = together.results
     results["choice"], results["pull"] = fitted.choice, fitted.pull
     for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
         if errors is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from skillctl import compose
 from skillctl.arrays import FloatArray
@@ -48,6 +48,15 @@ class Together:
     refits: tuple[Refit, ...]
     reports: tuple[DemonstrationReport, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def results(self) -> dict[str, Any]:
+        """What an operation records of it."""
+        results: dict[str, Any] = {"lyapunov": self.origin}
+        if self.refits:
+            results["dtw_before"] = tuple(refit.dtw_before for refit in self.refits)
+            results["dtw_after"] = tuple(refit.dtw_after for refit in self.refits)
+        return results
 
 
 def prove_together(

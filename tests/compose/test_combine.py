@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.compose import combine, coverage, merge
+from skillctl.compose import calibrated_priors, combine, coverage, merge
 from skillctl.errors import UsageError
 from skillctl.model import Demonstration, DemonstrationSet, GaussianMixture, StateSpace, rollout
 
@@ -178,3 +178,60 @@ def test_a_motion_that_does_not_arrive_in_time_is_not_kept(crossing):
 def test_coverage_needs_one_set_per_leaf(crossing):
     with pytest.raises(UsageError, match="demonstrations: expected 2 sets, got 1"):
         coverage(combine(crossing), [None])
+
+
+def starts_along(axis, values):
+    """Return demonstrations that start at the given coordinates of one axis and end at the origin."""
+    times, share = np.linspace(0, 1, 20), np.linspace(1, 0, 20)[:, None]
+    motions = tuple(Demonstration.from_positions(times, share * value * np.eye(2)[axis]) for value in values)
+    return DemonstrationSet(motions, StateSpace.cartesian(2))
+
+
+def selected(skill, sets):
+    """Return the sum over parts of the share of starts that select them; no motion is followed."""
+    return sum(
+        np.mean(
+            [skill.part_at(part.attractor[None] + m.positions[0] - m.positions[-1])[0] == i for m in taught]
+        )
+        for i, (part, taught) in enumerate(zip(skill.parts, sets, strict=True))
+    )
+
+
+def test_calibration_finds_the_best_priors_of_two_parts(make_skill):
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        parts = [make_skill(rng, attractor=np.zeros(2)) for _ in range(2)]
+        skill = combine(parts)
+        sets = [starts_along(0, rng.normal(0.1, 0.2, 9)), starts_along(1, rng.normal(0.1, 0.2, 7))]
+        found = calibrated_priors(skill, sets)
+        best = max(
+            selected(replace(skill, part_priors=np.array([1, t]) / (1 + t)), sets)
+            for t in np.exp(np.linspace(-60, 60, 241))
+        )
+        # A grid can miss an interval, never beat the best one.
+        assert selected(replace(skill, part_priors=found), sets) >= best
+        assert found.min() > 0
+
+
+def test_calibration_leaves_alone_what_is_right_and_wins_what_can_be_won(crossing):
+    skill = combine(crossing, part_priors=[3, 1])
+    right = [starts_along(0, [0.5]), starts_along(1, [0.5])]
+    assert selected(skill, right) == 2
+    assert np.abs(calibrated_priors(skill, right) - [0.75, 0.25]).max() <= 4 * np.finfo(float).eps
+    biased = combine(crossing, part_priors=[1e-9, 1])
+    assert selected(biased, right) == 1
+    assert selected(replace(biased, part_priors=calibrated_priors(biased, right)), right) == 2
+
+
+def test_of_three_parts_none_loses_by_calibration(make_skill):
+    rng = np.random.default_rng(8)
+    for _ in range(10):
+        skill = combine([make_skill(rng, attractor=rng.normal(0, 0.2, 2)) for _ in range(3)])
+        sets = [starts_along(i % 2, rng.normal(0.1, 0.2, 5)) for i in range(3)]
+        after = replace(skill, part_priors=calibrated_priors(skill, sets))
+        assert selected(after, sets) >= selected(skill, sets)
+
+
+def test_calibration_needs_demonstrations(crossing):
+    with pytest.raises(UsageError, match="carry no demonstrations"):
+        calibrated_priors(combine(crossing), [None, None])

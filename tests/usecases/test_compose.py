@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.errors import ArtifactError, FitError
+from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.learning import LearnOptions
 from skillctl.model import GaussianMixture, SedsSkill, StateSpace
 from skillctl.store import Artifact, Operation, current_provenance, encode, read_skill, write_file
@@ -97,6 +97,37 @@ def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):
     with pytest.raises(FitError, match=r"upper\.h5 and .*lower\.h5 have no common Lyapunov matrix"):
         merge(conflict, output=tmp_path / "m.h5", refit=False)
     assert not (tmp_path / "m.h5").exists()
+
+
+def test_switching_at_every_instant_gets_its_common_proof_by_a_refit_too(conflict, tmp_path):
+    options = CombineOptions(gate="instantaneous", align=True)
+    report = combine(conflict, output=tmp_path / "c.h5", options=options)
+    assert (report.verdict, report.scope, report.lyapunov) == ("stable", "global", "refitted")
+    assert [refit.leaf for refit in report.refits] == [1, 2]
+    assert read_skill(tmp_path / "c.h5").operation.results["lyapunov"] == "refitted"
+    assert verify(tmp_path / "c.h5").verdict == "stable"
+    with pytest.raises(FitError, match="have no common Lyapunov matrix"):
+        combine(conflict, output=tmp_path / "d.h5", options=options, refit=False)
+    assert not (tmp_path / "d.h5").exists()
+
+
+def test_calibrated_priors_win_starts_back_and_the_report_has_both(library, tmp_path):
+    # Taken apart, a combined skill leaves its priors behind: hook's share is as good as nothing.
+    biased = CombineOptions(part_priors=(1.0, 1e-200))
+    assert (
+        combine(["curve", "hook"], output=tmp_path / "b.h5", store=library, options=biased)
+        .coverage[1]
+        .selected
+        == 0
+    )
+    options = CombineOptions(calibrate=True)
+    report = combine([tmp_path / "b.h5", "hook"], output=tmp_path / "c.h5", store=library, options=options)
+    before, after = (sum(p.selected for p in kept) for kept in (report.coverage_before, report.coverage))
+    assert after >= before
+    assert read_skill(tmp_path / "c.h5").operation.options["calibrate"] is True
+    contradictory = CombineOptions(calibrate=True, part_priors=(1, 2))
+    with pytest.raises(UsageError, match="exclude each other"):
+        combine(["curve", "hook"], output=tmp_path / "d.h5", store=library, options=contradictory)
 
 
 def test_parts_without_demonstrations_cannot_be_refitted(tmp_path):
