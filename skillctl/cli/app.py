@@ -27,6 +27,7 @@ COMMANDS = {
     "quickstart": "See all of the above on an example, in about a minute.",
     "ls": "List the skills of the store.",
     "diff": "Compare two skills.",
+    "log": "Show the history of a skill.",
     "tag": "Name a version, as in reach@release.",
     "untag": "Remove such a name.",
     "rm": "Remove versions from the store.",

@@ -24,6 +24,7 @@ def combine(
     skills: options.Skills,
     output_file: options.OutputFile = None,
     name: options.Name = None,
+    message: options.Message = None,
     gate: Annotated[
         options.CombineGate,
         typer.Option(
@@ -84,6 +85,7 @@ def combine(
             output=output_file,
             name=name,
             store=store,
+            note=message,
             options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
             refit=not no_refit,
             progress=progress,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,15 +11,24 @@ from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
+    from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node
 
 EXAMPLES = """\b
 Example:
   skillctl inspect reach
+  skillctl inspect shelf --lineage
   skillctl inspect reach@2 --json | jq '.leaves[0].joint_mixture.means'"""
 
 
-def inspect(context: typer.Context, skill: options.Skill, store: options.Store = None) -> None:
+def inspect(
+    context: typer.Context,
+    skill: options.Skill,
+    lineage: Annotated[
+        bool, typer.Option("--lineage", help="Show instead what it was made from, and whether that is there.")
+    ] = False,
+    store: options.Store = None,
+) -> None:
     """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
 
     With --json also every number, including the joint Gaussian mixture over positions and velocities.
@@ -26,6 +36,12 @@ def inspect(context: typer.Context, skill: options.Skill, store: options.Store =
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
+    if lineage:
+        from skillctl.usecases.history import lineage as lineage_of
+
+        tree = lineage_of(skill, store=store)
+        output.result(tree, lambda: [ancestry(tree)])
+        return
     report = inspect_skill(skill, store=store)
     output.result(report, lambda: blocks(report))
 
@@ -55,6 +71,25 @@ def blocks(report: InspectReport) -> list[render.Block]:
     leaves = render.Table(("part", "leaf", "components", "attractor", "speed", "demonstrations"), rows)
     errors = words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
     return [render.Facts(facts), leaves, *([errors] if report.reports else []), _origin(report)]
+
+
+def ancestry(report: LineageReport) -> render.Block:
+    """Return what a skill was made from, as an indented list."""
+    rows = tuple(_ancestors(report.lineage, 0))
+    return render.Table(("skill", "role", "there", "made by", "digest", "note"), rows)
+
+
+def _ancestors(ancestor: Ancestor, depth: int) -> Iterator[tuple[str, ...]]:
+    yield (
+        f"{'  ' * depth}{ancestor.skill}",
+        ancestor.role,
+        ancestor.presence,
+        ancestor.command or words.NONE,
+        words.short(ancestor.digest),
+        ancestor.note or words.NONE,
+    )
+    for parent in ancestor.parents:
+        yield from _ancestors(parent, depth + 1)
 
 
 def _how(node: Node) -> list[str]:

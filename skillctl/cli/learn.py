@@ -34,6 +34,7 @@ def learn(
     ],
     output_file: options.OutputFile = None,
     name: options.Name = None,
+    message: options.Message = None,
     store: options.Store = None,
     force: Annotated[
         bool,
@@ -131,6 +132,7 @@ def learn(
             output=output_file,
             name=name,
             store=store,
+            note=message,
             options=learning,
             reading=reading,
             force=force,

@@ -41,6 +41,7 @@ def merge(
     ] = None,
     output_file: options.OutputFile = None,
     name: options.Name = None,
+    message: options.Message = None,
     weights: Annotated[
         options.Numbers | None,
         typer.Option(
@@ -129,6 +130,7 @@ def merge(
             output=output_file,
             name=name,
             store=store,
+            note=message,
             options=MergeOptions(weights, gate, sharpness, speed, target),
             task=TaskOptions(tuple(fit), fit_level, from_store, Reading(None, columns, dt, units))
             if fit

@@ -118,6 +118,16 @@ Name = Annotated[
         rich_help_panel=RESULT,
     ),
 ]
+Message = Annotated[
+    str | None,
+    typer.Option(
+        "--message",
+        "-m",
+        metavar="TEXT",
+        help="A note to keep in the skill; `log` shows it.",
+        rich_help_panel=RESULT,
+    ),
+]
 NoRefit = Annotated[
     bool,
     typer.Option(

@@ -107,6 +107,7 @@ def combine(
     output: Path | None = None,
     name: str | None = None,
     store: Path | None = None,
+    note: str | None = None,
     options: CombineOptions | None = None,
     refit: bool = True,
     progress: Progress | None = None,
@@ -121,6 +122,7 @@ def combine(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
+        note: To be kept in the skill.
         options: How the acting part is chosen, and where the parts end.
         refit: Learn the parts again from their embedded demonstrations where the proof needs a common
             Lyapunov matrix and none exists.
@@ -134,7 +136,7 @@ def combine(
     options = options or CombineOptions()
     if options.calibrate and options.part_priors is not None:
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
-    destination = Destination(output, name, store)
+    destination = Destination(output, name, store, note)
     destination.current()
     sources = open_parts(skills, store)
     combined = options.combine([source.skill for source in sources])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skillctl.errors import ArtifactError, StoreError, UsageError
+from skillctl.errors import ArtifactError, StoreError, UsageError, printable
 from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_file
 from skillctl.store.errors import NotAnArtifactError
+from skillctl.store.schema import MAX_TEXT
 from skillctl.usecases.files import display_name
 
 
@@ -30,11 +31,18 @@ class Written:
 
 @dataclass(frozen=True)
 class Destination:
-    """One of ``file`` and ``name``; ``store`` is where the name lives (None: found as for every command)."""
+    """Where a skill goes, and what is to be remembered about it.
+
+    Attributes:
+        file, name: One of them.
+        store: Where the name lives; None: found as for every command.
+        note: Kept in the skill.
+    """
 
     file: Path | None = None
     name: str | None = None
     store: Path | None = None
+    note: str | None = None
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.name is None):
@@ -43,6 +51,12 @@ class Destination:
                 if self.file is None
                 else "-o and --name exclude each other.",
                 hint="Give --name NAME to publish it in the store, or -o FILE.h5 to write a file.",
+            )
+
+        if self.note is not None and not 0 < len(printable(self.note)) <= MAX_TEXT:
+            raise UsageError(
+                f"a note has 1 to {MAX_TEXT} characters; this one has {len(self.note)}.",
+                hint="Leave it out, or keep the long story elsewhere.",
             )
 
     def current(self) -> tuple[Artifact, Written] | None:
@@ -69,6 +83,9 @@ class Destination:
 
     def write(self, artifact: Artifact) -> Written:
         """Write the artifact, or find that exactly it is there already."""
+        if self.note is not None:
+            noted = artifact.operation.model_copy(update={"note": printable(self.note)})
+            artifact = replace(artifact, operation=noted)
         data = encode(artifact)
         if self.name is not None:
             stored = Registry(locate_store(self.store)).publish(self.name, data)

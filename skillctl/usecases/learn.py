@@ -90,6 +90,7 @@ def learn(
     output: Path | None = None,
     name: str | None = None,
     store: Path | None = None,
+    note: str | None = None,
     options: LearnOptions | None = None,
     reading: Reading | None = None,
     force: bool = False,
@@ -102,6 +103,7 @@ def learn(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where the name lives; default as on the command line.
+        note: To be kept in the skill. Another note than the one that is there is a reason to learn again.
         options: How to learn.
         reading: How to read the files.
         force: Learn even if the same files and options gave what is there.
@@ -114,11 +116,12 @@ def learn(
         FitError: The result could not be proved stable; nothing is written.
     """
     options, reading = options or LearnOptions(), reading or Reading()
-    destination = Destination(output, name, store)
+    destination = Destination(output, name, store, note)
     paths = [Path(path) for path in data]
     operation = Operation(command="learn", options=_recorded(options, reading), seed=options.seed)
     current = destination.current()
-    if current is not None and not force and _made_from(current[0], operation, paths):
+    noted = current is not None and note in (None, current[0].operation.note)
+    if current is not None and noted and not force and _made_from(current[0], operation, paths):
         return _report("up to date", *current, certify(current[0].skill), ())
     read = reading.read(paths)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))

@@ -131,6 +131,7 @@ def merge(
     output: Path | None = None,
     name: str | None = None,
     store: Path | None = None,
+    note: str | None = None,
     options: MergeOptions | None = None,
     task: TaskOptions | None = None,
     refit: bool = True,
@@ -143,6 +144,7 @@ def merge(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
+        note: To be kept in the skill.
         options: How the parts act together.
         task: Fit the weights to demonstrations of a new task.
         refit: Learn the parts again from their embedded demonstrations if no common Lyapunov matrix exists.
@@ -155,7 +157,7 @@ def merge(
         FitError: No common Lyapunov matrix, and no refit possible or wanted; or no proof.
     """
     options = options or MergeOptions()
-    destination = Destination(output, name, store)
+    destination = Destination(output, name, store, note)
     destination.current()
     if task is not None:
         return _merge_for_task(skills, destination, options, task, refit, progress)
