@@ -13,11 +13,13 @@ from skillctl.cli.output import Output
 if TYPE_CHECKING:
     from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node
+    from skillctl.usecases.where import Place
 
 EXAMPLES = """\b
 Example:
   skillctl inspect reach
   skillctl inspect shelf --lineage
+  skillctl inspect shelf --at 0.42,0,0.55
   skillctl inspect reach@2 --json | jq '.leaves[0].joint_mixture.means'"""
 
 
@@ -27,6 +29,14 @@ def inspect(
     lineage: Annotated[
         bool, typer.Option("--lineage", help="Show instead what it was made from, and whether that is there.")
     ] = False,
+    at: Annotated[
+        options.Numbers | None,
+        typer.Option(
+            parser=options.read_numbers,
+            metavar="X,Y,Z",
+            help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
+        ),
+    ] = None,
     store: options.Store = None,
 ) -> None:
     """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
@@ -42,12 +52,14 @@ def inspect(
         tree = lineage_of(skill, store=store)
         output.result(tree, lambda: [ancestry(tree)])
         return
-    report = inspect_skill(skill, store=store)
+    report = inspect_skill(skill, store=store, position=at)
     output.result(report, lambda: blocks(report))
 
 
 def blocks(report: InspectReport) -> list[render.Block]:
     """Return the report for people."""
+    from skillctl.usecases.evaluate import HeldOut
+
     space, certificate = report.space, report.certificate
     facts = (
         ("skill", report.skill),
@@ -56,6 +68,7 @@ def blocks(report: InspectReport) -> list[render.Block]:
         ("kind", " ".join([report.kind, *_how(report.tree)])),
         ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
         *words.proof(certificate.verdict, certificate.rate, certificate.period, certificate.scope),
+        *words.held_out(HeldOut.recorded(report.operation.results), space.unit),
     )
     rows = tuple(
         (
@@ -70,7 +83,41 @@ def blocks(report: InspectReport) -> list[render.Block]:
     )
     leaves = render.Table(("part", "leaf", "components", "attractor", "speed", "demonstrations"), rows)
     errors = words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
-    return [render.Facts(facts), leaves, *([errors] if report.reports else []), _origin(report)]
+    place = [_place(report.at, space.unit)] if report.at is not None else []
+    regions = [_regions(report)] if report.regions else []
+    tables = [leaves, *regions, *([errors] if report.reports else [])]
+    return [render.Facts(facts), *place, *tables, _origin(report)]
+
+
+def _place(place: Place, unit: str) -> render.Facts:
+    """Return what the skill does at one place."""
+    acting = "all parts" if len(place.weights) > 1 else "the skill"
+    shares = ", ".join(f"{weight:.3g}" for weight in place.weights)
+    verb, when = ("arrives", "after") if place.arrives else ("has not arrived", "within")
+    return render.Facts(
+        (
+            ("at", words.point(place.position, unit)),
+            ("acts", acting if place.part is None else f"part {place.part}"),
+            ("weights", shares),
+            ("velocity", f"{words.point(place.velocity)} {unit}/s"),
+            ("motion", f"{verb} {when} {place.time:.3g} s, at {words.point(place.end, unit)}"),
+        )
+    )
+
+
+def _regions(report: InspectReport) -> render.Table:
+    """Return the regions of influence of a combined skill's parts."""
+    rows = tuple(
+        (
+            str(region.part),
+            f"{region.prior:.3g}",
+            words.point(region.attractor, report.space.unit),
+            words.NONE if region.selected is None else f"{region.selected:.0%}",
+            words.length(region.radius, report.space.unit),
+        )
+        for region in report.regions
+    )
+    return render.Table(("region", "prior", "ends at", "own starts in it", "proved radius"), rows)
 
 
 def ancestry(report: LineageReport) -> render.Block:

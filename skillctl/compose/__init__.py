@@ -2,7 +2,7 @@
 
 from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt, most_helpful
 from skillctl.compose.combine import combine
-from skillctl.compose.coverage import PartCoverage, calibrated_priors, coverage
+from skillctl.compose.coverage import PartCoverage, calibrated_priors, coverage, selected_shares
 from skillctl.compose.lyapunov import (
     acting_matrices,
     common_lyapunov,
@@ -30,5 +30,6 @@ __all__ = [
     "merge",
     "most_helpful",
     "notes_on",
+    "selected_shares",
     "with_lyapunov",
 ]

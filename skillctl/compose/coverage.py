@@ -66,6 +66,21 @@ def coverage(
     return tuple(report)
 
 
+def selected_shares(
+    skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
+) -> tuple[tuple[int, float | None], ...]:
+    """Return, for each part, how many demonstrations it has and which share of their starts select it.
+
+    As ``coverage``, without following motions. The share is None for a part without demonstrations.
+    """
+    return tuple(
+        (0, None)
+        if taught is None
+        else (len(taught.starts), float(np.mean(skill.part_at(taught.starts) == index)))
+        for index, taught in enumerate(_taught(skill, demonstrations))
+    )
+
+
 def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
     """Return priors β with which more motions that start where a part was taught select that part.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -13,6 +14,7 @@ from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill, StateSp
 from skillctl.stability import Certificate, certify
 from skillctl.store import DemonstrationReport, Operation, Provenance
 from skillctl.usecases.files import open_skill
+from skillctl.usecases.where import Place, Region, at, regions_of
 
 Kind: TypeAlias = Literal["seds", "merged", "combined"]
 
@@ -89,6 +91,8 @@ class InspectReport:
         tree: How it is put together.
         leaves: What it is made of.
         certificate: What is proved of it, derived now.
+        regions: Of a combined skill, the region of each part; empty for others.
+        at: What it does at the place that was asked about, if any.
         reports: How well each leaf repeats each of its demonstrations.
         operation, provenance: The command that made it, its inputs and parents.
     """
@@ -101,21 +105,32 @@ class InspectReport:
     tree: Node
     leaves: tuple[Leaf, ...]
     certificate: Certificate
+    regions: tuple[Region, ...]
+    at: Place | None
     reports: tuple[DemonstrationReport, ...]
     operation: Operation
     provenance: Provenance
 
 
-def inspect(reference: str | Path, *, store: Path | None = None) -> InspectReport:
+def inspect(
+    reference: str | Path, *, store: Path | None = None, position: Sequence[float] | None = None
+) -> InspectReport:
     """Return what is in the skill that a reference names.
+
+    Args:
+        reference: File, or name of the store.
+        store: Where names live; default as on the command line.
+        position: A place to ask about, (d,).
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
+        UsageError: A position of another dimension.
     """
     source = open_skill(reference, store)
     artifact, skill = source.artifact, source.skill
     counts = [len(taught) if taught is not None else 0 for taught in artifact.demonstrations]
     tree = _node(skill, 1.0)
+    certificate = certify(skill, digest=artifact.digest)
     return InspectReport(
         skill=source.name,
         path=source.located.path,
@@ -124,7 +139,9 @@ def inspect(reference: str | Path, *, store: Path | None = None) -> InspectRepor
         space=skill.space,
         tree=tree,
         leaves=tuple(_leaves(skill, counts)),
-        certificate=certify(skill, digest=artifact.digest),
+        certificate=certificate,
+        regions=regions_of(artifact, certificate),
+        at=None if position is None else at(skill, position, certificate),
         reports=artifact.reports,
         operation=artifact.operation,
         provenance=artifact.provenance,
