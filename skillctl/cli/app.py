@@ -32,6 +32,8 @@ COMMANDS = {
     "untag": "Remove such a name.",
     "rm": "Remove versions from the store.",
     "gc": "Remove all but the newest versions.",
+    "export": "Write a skill for MATLAB, NumPy or as JSON.",
+    "schema": "Print the JSON Schema of a skill's metadata.",
 }
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}

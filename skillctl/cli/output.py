@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
@@ -51,6 +52,10 @@ class Output:
             self._write(render.to_terminal(blocks(), coloured=allows_colour()))
         else:
             self._write(render.to_text(blocks()))
+
+    def document(self, value: Any) -> None:
+        """Print a JSON document that is itself the result, without a schema version of ours."""
+        self._write(json.dumps(value, ensure_ascii=True, indent=2) + "\n")
 
     def note(self, text: str) -> None:
         """Say something that is not the result."""

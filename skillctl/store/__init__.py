@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from skillctl.store.artifact import Artifact, metadata_of
+    from skillctl.store.artifact import Artifact, contents_of, metadata_of
     from skillctl.store.files import write_file
     from skillctl.store.locating import locate, locate_store, resolve
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
@@ -23,19 +23,28 @@ if TYPE_CHECKING:
         ParentRecord,
         Provenance,
         label,
+        metadata_schema,
     )
     from skillctl.store.seal import Header, read_header, require_whole
     from skillctl.store.writer import encode
 
 _MODULES = {
-    "artifact": ("Artifact", "metadata_of"),
+    "artifact": ("Artifact", "contents_of", "metadata_of"),
     "files": ("write_file",),
     "locating": ("locate", "locate_store", "resolve"),
     "provenance": ("current_provenance", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
     "references": ("Reference", "parse_reference"),
     "registry": ("Located", "Registry", "StoredVersion"),
-    "schema": ("DemonstrationReport", "InputRecord", "Operation", "ParentRecord", "Provenance", "label"),
+    "schema": (
+        "DemonstrationReport",
+        "InputRecord",
+        "Operation",
+        "ParentRecord",
+        "Provenance",
+        "label",
+        "metadata_schema",
+    ),
     "seal": ("Header", "read_header", "require_whole"),
     "writer": ("encode",),
 }
@@ -53,6 +62,7 @@ __all__ = [
     "Reference",
     "Registry",
     "StoredVersion",
+    "contents_of",
     "current_provenance",
     "decode",
     "digest_of",
@@ -63,6 +73,7 @@ __all__ = [
     "locate",
     "locate_store",
     "metadata_of",
+    "metadata_schema",
     "parse_reference",
     "read_header",
     "read_skill",

@@ -75,9 +75,13 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
     Raises:
         InvalidModelError: A text that the format does not allow, such as a name with control characters.
     """
-    arrays: dict[str, Array] = {**model_arrays(artifact.skill), **_demonstration_arrays(artifact)}
     text = dump_canonical(metadata_of(artifact))
-    return {**arrays, META: np.frombuffer(text, dtype=np.uint8)}
+    return {**contents_of(artifact), META: np.frombuffer(text, dtype=np.uint8)}
+
+
+def contents_of(artifact: Artifact) -> dict[str, Array]:
+    """Return all arrays of an artifact but its metadata, by path."""
+    return {**model_arrays(artifact.skill), **_demonstration_arrays(artifact)}
 
 
 def metadata_of(artifact: Artifact) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -251,6 +252,19 @@ class Meta(Strict):
     demonstrations: Annotated[tuple[Label, ...], Field(strict=False)] = ()  # source of each
     reports: Annotated[tuple[DemonstrationReport, ...], Field(strict=False)] = ()
     provenance: Provenance
+
+
+def metadata_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of meta.json."""
+    generated = Meta.model_json_schema()
+    # The end of a text is a backslash and z to pydantic, but "$" in JavaScript's expressions, which JSON
+    # Schema's are.
+    schema = json.loads(json.dumps(generated).replace("\\\\z", "$"))
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": f"meta.json of a skill artifact, format {FORMAT_VERSION}",
+    }
 
 
 def parse_meta(value: Any) -> Meta:
