@@ -103,7 +103,7 @@ def learn(
             parser=options.read_components,
             metavar="N|auto",
             help="Number of Gaussian components; auto: chosen by the error on demonstrations left out. "
-            "Default: 7, or fewer for little data.",
+            "Default: 7 (9 with --preset quality), or fewer for little data.",
             rich_help_panel=LEARNING,
         ),
     ] = None,
@@ -113,6 +113,30 @@ def learn(
     seed: Annotated[
         int, typer.Option(metavar="N", help="Of the random starts.", rich_help_panel=LEARNING)
     ] = 0,
+    slowest_rate: Annotated[
+        float,
+        typer.Option(
+            metavar="R",
+            help="Decay that every component keeps at least, in the motion's own unit of time.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = 0.03,
+    period: Annotated[
+        float,
+        typer.Option(
+            metavar="S",
+            help="Controller period in seconds that the proof must cover; 0: any.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = 0.01,
+    validate: Annotated[
+        bool,
+        typer.Option(
+            "--validate",
+            help="Also learn with each demonstration left out, and report the error on it.",
+            rich_help_panel=LEARNING,
+        ),
+    ] = False,
 ) -> None:
     """Learn a skill from demonstrations, prove it stable, and write it.
 
@@ -125,7 +149,7 @@ def learn(
 
     output: Output = context.obj
     reading = Reading(input_format, columns, dt, units, scale, demos, frame)
-    learning = LearnOptions(objective, metric, components, preset, seed)
+    learning = LearnOptions(objective, metric, components, preset, seed, slowest_rate, period)
     with output.progress("learning") as progress:
         report = learn_skill(
             [Path(path) for path in data],
@@ -135,6 +159,7 @@ def learn(
             note=message,
             options=learning,
             reading=reading,
+            validated=validate,
             force=force,
             progress=progress,
         )
@@ -153,6 +178,7 @@ def blocks(report: LearnReport) -> list[render.Block]:
             ("components", str(report.n_components)),
             ("attractor", words.point(report.attractor, report.unit)),
             *words.proof("stable", report.rate, report.period),
+            *words.held_out(report.held_out, report.unit),
         )
     )
     return [words.demonstrations(report.demonstrations, report.unit), facts]

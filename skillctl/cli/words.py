@@ -11,6 +11,7 @@ from skillctl.cli.render import Table
 
 if TYPE_CHECKING:
     from skillctl.store import DemonstrationReport
+    from skillctl.usecases.evaluate import HeldOut
     from skillctl.usecases.parts import PartSummary
     from skillctl.usecases.refit import Refit
 
@@ -70,6 +71,14 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
         NONE if period is None else f"{at_least(period)} s",
         NONE if period is None else f"{at_most(1 / period)} Hz",
     )
+
+
+def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
+    """Return the errors on demonstrations left out, as facts; none if nobody asked for them."""
+    if errors is None:
+        return ()
+    distances = f"DTW {length(errors.dtw, unit)} on average, {length(errors.worst_dtw, unit)} at worst"
+    return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
 
 
 def written(skill: str, path: Path, digest: str, created: bool) -> tuple[tuple[str, str], ...]:

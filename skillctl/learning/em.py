@@ -99,7 +99,7 @@ def maximisation(
     priors, means, covariances = position_moments(responsibilities, positions, floor)
     shares = responsibilities / responsibilities.sum(axis=0)
     weighted = shares.T[:, :, None] * positions  # (K, N, d)
-    gram = weighted.swapaxes(1, 2) @ positions + POSITION_FLOOR * np.eye(d)
+    gram = weighted.swapaxes(1, 2) @ positions + floor * np.eye(d)
     cross = velocities.T @ weighted
     precisions: FloatArray = np.tile(np.eye(d), (k, 1, 1))
     if previous is not None:

@@ -18,7 +18,6 @@ from skillctl.learning.select import component_limit, select_components
 from skillctl.learning.solve import ProgressCallback, solve
 from skillctl.model import DemonstrationSet, SedsSkill
 
-DEFAULT_COMPONENTS = 7
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 
 
@@ -121,7 +120,7 @@ def _n_components(
 ) -> int:
     limit = component_limit(aligned, options.effort.samples)
     if options.n_components is None:
-        return min(DEFAULT_COMPONENTS, limit)
+        return min(options.effort.components, limit)
     if options.n_components == "auto":
         return select_components(data, lyapunov, options, limit, progress)
     if options.n_components > limit:

@@ -25,18 +25,20 @@ class Effort:
         probe_steps: Optimiser steps each start gets before the best one goes on.
         polish_steps: Optimiser steps the best start gets.
         samples: Points kept per demonstration, uniform in time.
+        components: Number of components where the user asks for none, and the data can carry them.
     """
 
     starts: int
     probe_steps: int
     polish_steps: int
     samples: int
+    components: int
 
 
 EFFORTS: dict[Preset, Effort] = {
-    "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=30),
-    "default": Effort(starts=3, probe_steps=8, polish_steps=30, samples=30),
-    "quality": Effort(starts=5, probe_steps=12, polish_steps=60, samples=40),
+    "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=30, components=7),
+    "default": Effort(starts=3, probe_steps=8, polish_steps=30, samples=30, components=7),
+    "quality": Effort(starts=5, probe_steps=12, polish_steps=60, samples=40, components=9),
 }
 
 
@@ -48,7 +50,7 @@ class LearnOptions:
         objective: ``reproduction`` (velocities and rollouts), ``mse`` (velocities, least squares) or
             ``likelihood`` (Eq. 6).
         metric: ``learned`` finds the Lyapunov matrix P from the data; ``euclidean`` is P = I (Eq. 5).
-        n_components: K. None is seven, or fewer where the data cannot carry seven; ``auto`` selects K by
+        n_components: K. None is seven (nine with ``quality``), or what the data carry; ``auto`` selects it by
             the error on demonstrations left out (by BIC where there is only one demonstration).
         preset: How much work to spend.
         seed: Seed of the k-means++ starts.

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from skillctl import metrics
@@ -60,3 +64,37 @@ def mean_dtw(reports: list[DemonstrationReport] | tuple[DemonstrationReport, ...
         if None in distances or not distances
         else float(np.mean([d for d in distances if d is not None]))
     )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors on demonstrations that were not learned from.
+
+    Attributes:
+        demonstrations: How many, each left out once.
+        dtw: Mean DTW distance, None if some motion diverged; in the unit of the space.
+        worst_dtw: The largest.
+        arrived: How many of the motions reached the attractor.
+    """
+
+    demonstrations: int
+    dtw: float | None
+    worst_dtw: float | None
+    arrived: int
+
+    @classmethod
+    def recorded(cls, results: Mapping[str, Any]) -> HeldOut | None:
+        """Return what an operation's results hold of it, if anything."""
+        kept = {
+            name.removeprefix("held_out_"): value for name, value in results.items() if "held_out_" in name
+        }
+        return cls(**kept) if kept else None
+
+    def results(self) -> dict[str, Any]:
+        """Return it as an operation's results keep it."""
+        return {
+            "held_out_demonstrations": self.demonstrations,
+            "held_out_dtw": self.dtw,
+            "held_out_worst_dtw": self.worst_dtw,
+            "held_out_arrived": self.arrived,
+        }

@@ -21,9 +21,10 @@ from skillctl.store import (
     input_record,
 )
 from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.evaluate import report_errors
+from skillctl.usecases.evaluate import HeldOut, report_errors
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
+from skillctl.usecases.validate import validate
 
 Status = Literal["learned", "up to date"]
 
@@ -66,6 +67,7 @@ class LearnReport:
         attractor: Where it ends, in that unit.
         rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
         demonstrations: How well it repeats each one.
+        held_out: Errors on demonstrations left out, if they were asked for.
         notes: What was noticed about the input, and warnings of the learner.
     """
 
@@ -81,6 +83,7 @@ class LearnReport:
     rate: float | None
     period: float | None
     demonstrations: tuple[DemonstrationReport, ...]
+    held_out: HeldOut | None
     notes: tuple[str, ...]
 
 
@@ -93,6 +96,7 @@ def learn(
     note: str | None = None,
     options: LearnOptions | None = None,
     reading: Reading | None = None,
+    validated: bool = False,
     force: bool = False,
     progress: Progress | None = None,
 ) -> LearnReport:
@@ -106,6 +110,7 @@ def learn(
         note: To be kept in the skill. Another note than the one that is there is a reason to learn again.
         options: How to learn.
         reading: How to read the files.
+        validated: Also learn with each demonstration left out, and keep the errors on those.
         force: Learn even if the same files and options gave what is there.
         progress: Called with (stage, done, total).
 
@@ -118,7 +123,7 @@ def learn(
     options, reading = options or LearnOptions(), reading or Reading()
     destination = Destination(output, name, store, note)
     paths = [Path(path) for path in data]
-    operation = Operation(command="learn", options=_recorded(options, reading), seed=options.seed)
+    operation = Operation(command="learn", options=_recorded(options, reading, validated), seed=options.seed)
     current = destination.current()
     noted = current is not None and note in (None, current[0].operation.note)
     if current is not None and noted and not force and _made_from(current[0], operation, paths):
@@ -127,18 +132,19 @@ def learn(
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
     certificate = certify(fitted.skill)
     require_stable(certificate)
-    artifact = _artifact(fitted, read, operation)
+    held_out = validate(read.demonstrations, options, progress) if validated else None
+    artifact = _artifact(fitted, read, operation, held_out)
     return _report(
         "learned", artifact, destination.write(artifact), certificate, (*read.notes, *fitted.warnings)
     )
 
 
-def _recorded(options: LearnOptions, reading: Reading) -> dict[str, Any]:
+def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[str, Any]:
     """Return the options that decide the result, by their long names."""
     learning = asdict(options)
     learning["components"] = learning.pop("n_components")
     del learning["seed"]  # the operation has a place of its own for it
-    return {**learning, **asdict(reading)}
+    return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
 
 
 def _made_from(artifact: Artifact, operation: Operation, paths: Sequence[Path]) -> bool:
@@ -163,12 +169,13 @@ def _adapted(progress: Progress | None) -> Callable[[LearningProgress], None] | 
     return lambda step: progress(step.stage, step.done, step.total)
 
 
-def _artifact(fitted: Fit, read: ReadResult, operation: Operation) -> Artifact:
+def _artifact(fitted: Fit, read: ReadResult, operation: Operation, held_out: HeldOut | None) -> Artifact:
     results = {
         "objective": fitted.objective,
         "log_likelihood": fitted.log_likelihood,
         "deviation_bound": fitted.deviation_bound,
         "rising_share": fitted.rising_share,
+        **(held_out.results() if held_out else {}),
     }
     return Artifact(
         skill=fitted.skill,
@@ -198,5 +205,6 @@ def _report(
         rate=certificate.rate,
         period=certificate.period,
         demonstrations=artifact.reports,
+        held_out=HeldOut.recorded(artifact.operation.results),
         notes=notes,
     )
