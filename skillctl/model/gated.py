@@ -61,7 +61,9 @@ class GatedField:
         mixed = self._table.dot(np.exp(logits))
         total = mixed[-1]
         if total < SMALLEST_SUM:
-            return np.asarray(self.velocities(position[None])[0])
+            logits -= logits.max()
+            mixed = self._table.dot(np.exp(logits))
+            total = mixed[-1]
         velocity: FloatArray = mixed[:-1].reshape(d, d).dot(offset)
         velocity /= total
         return velocity
