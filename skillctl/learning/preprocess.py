@@ -11,6 +11,7 @@ from skillctl.errors import InputDataError
 from skillctl.model import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
+SPIKE_SHARE = 0.02  # a jump and back by more than this share of the extent is no motion of a hand
 EMBEDDED_POINTS = 200  # points kept of each demonstration inside an artifact
 
 
@@ -51,6 +52,27 @@ class TrainingData:
         return self.length_scale / self.speed_scale
 
 
+def without_spikes(demonstration: Demonstration) -> Demonstration:
+    """Return the demonstration with samples that jump off the path and back put on the line between their
+    neighbours.
+
+    A spike lies farther from the median of the five samples around it than ``SPIKE_SHARE`` of the motion's
+    extent, and than twenty times the usual such distance; a fast but continuous motion does neither.
+    """
+    x, t = demonstration.positions, demonstration.times
+    if len(x) < 5:
+        return demonstration
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(x, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
+    off = np.linalg.norm(x - np.median(windows, axis=-1), axis=1)
+    limit = max(SPIKE_SHARE * float(np.linalg.norm(np.ptp(x, axis=0))), 20 * float(np.median(off)))
+    good = off <= limit
+    good[[0, -1]] = True  # an end has nothing beyond it to jump back to
+    if good.all():
+        return demonstration
+    repaired = np.stack([np.interp(t, t[good], column[good]) for column in x.T], axis=1)
+    return Demonstration.from_positions(t, repaired, demonstration.source)
+
+
 def trim_rests(demonstration: Demonstration) -> Demonstration:
     """Return the demonstration without the samples in which it rests at its start or its end."""
     x = demonstration.positions
@@ -71,12 +93,12 @@ def trim_rests(demonstration: Demonstration) -> Demonstration:
 
 
 def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArray]:
-    """Trim all demonstrations and translate each so that it ends at the mean end point.
+    """Repair and trim all demonstrations and translate each so that it ends at the mean end point.
 
     Returns:
         The aligned demonstrations and their common end point (d,), the attractor to be.
     """
-    trimmed = [trim_rests(demonstration) for demonstration in demonstrations]
+    trimmed = [trim_rests(without_spikes(demonstration)) for demonstration in demonstrations]
     attractor = np.mean([demonstration.positions[-1] for demonstration in trimmed], axis=0)
     aligned = tuple(d.translated(attractor - d.positions[-1]) for d in trimmed)
     return DemonstrationSet(aligned, demonstrations.space), attractor

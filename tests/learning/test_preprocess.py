@@ -5,7 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skillctl.learning.preprocess import REST_SHARE, align, embedded, resample, training_data, trim_rests
+from skillctl.learning.preprocess import (
+    REST_SHARE,
+    align,
+    embedded,
+    resample,
+    training_data,
+    trim_rests,
+    without_spikes,
+)
 from skillctl.model import Demonstration, DemonstrationSet
 
 Curved = Callable[..., DemonstrationSet]
@@ -31,6 +39,21 @@ def test_a_pause_in_the_middle_is_not_a_rest_at_an_end(curved: Curved) -> None:
     paused = Demonstration.from_positions(times, moving.positions)
 
     assert trim_rests(paused).duration == pytest.approx(trim_rests(moving).duration + 1.0)
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_spike_is_taken_back_to_the_path(curved: Curved, width: int) -> None:
+    clean = curved(count=1).demonstrations[0]
+    spiked = clean.positions.copy()
+    spiked[50 : 50 + width] += [0.3, -0.2]
+    repaired = without_spikes(Demonstration.from_positions(clean.times, spiked))
+    # A chord over three samples of a motion of 0.5 m in 2 s at 60 Hz: the sagitta is below a millimetre.
+    np.testing.assert_allclose(repaired.positions, clean.positions, atol=1e-3)
+
+
+def test_nothing_else_is_touched(curved: Curved, lasa: Callable[[str], DemonstrationSet]) -> None:
+    for demonstration in (*curved(), *lasa("Snake"), *lasa("Khamesh")):
+        assert without_spikes(demonstration) is demonstration
 
 
 def test_aligned_demonstrations_end_at_the_mean_end_point(curved: Curved) -> None:
