@@ -25,6 +25,8 @@ def combine(
     output_file: options.OutputFile = None,
     name: options.Name = None,
     message: options.Message = None,
+    depfile: options.Depfile = None,
+    if_changed: options.IfChanged = False,
     gate: Annotated[
         options.CombineGate,
         typer.Option(
@@ -75,10 +77,13 @@ def combine(
 
     Without --align every skill keeps its own target, so that where a motion starts decides where it ends.
     """
+    from skillctl.store import locate
     from skillctl.usecases.combine import CombineOptions
     from skillctl.usecases.combine import combine as combine_skills
+    from skillctl.usecases.make import finish_target, require_target
 
     output: Output = context.obj
+    require_target(output_file, depfile, if_changed)
     with output.progress("combining") as progress:
         report = combine_skills(
             skills,
@@ -90,6 +95,8 @@ def combine(
             refit=not no_refit,
             progress=progress,
         )
+    parts = [locate(part.skill, store).path for part in report.parts]
+    finish_target(output_file, parts, created=report.created, depfile=depfile, if_changed=if_changed)
     for note in report.notes:
         output.note(f"note: {note}")
     for sentence in report.not_guaranteed:

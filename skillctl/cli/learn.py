@@ -35,6 +35,12 @@ def learn(
     output_file: options.OutputFile = None,
     name: options.Name = None,
     message: options.Message = None,
+    depfile: options.Depfile = None,
+    if_changed: options.IfChanged = False,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Say why it is not up to date.", rich_help_panel=options.RESULT),
+    ] = False,
     store: options.Store = None,
     force: Annotated[
         bool,
@@ -141,18 +147,21 @@ def learn(
     """Learn a skill from demonstrations, prove it stable, and write it.
 
     Nothing is written unless the proof holds. The same files and options give the same bytes; learning them
-    again says "up to date" and does nothing.
+    again says "up to date" and only sets the time of FILE.h5.
     """
     from skillctl.learning import LearnOptions
     from skillctl.usecases.learn import Reading
     from skillctl.usecases.learn import learn as learn_skill
+    from skillctl.usecases.make import finish_target, require_target
 
     output: Output = context.obj
+    require_target(output_file, depfile, if_changed)
     reading = Reading(input_format, columns, dt, units, scale, demos, frame)
     learning = LearnOptions(objective, metric, components, preset, seed, slowest_rate, period)
+    paths = [Path(path) for path in data]
     with output.progress("learning") as progress:
         report = learn_skill(
-            [Path(path) for path in data],
+            paths,
             output=output_file,
             name=name,
             store=store,
@@ -163,8 +172,11 @@ def learn(
             force=force,
             progress=progress,
         )
+    finish_target(output_file, paths, created=report.created, depfile=depfile, if_changed=if_changed)
     for note in report.notes:
         output.note(f"note: {note}")
+    for reason in report.reasons if explain else ():
+        output.note(f"because: {reason}")
     output.result(report, lambda: blocks(report))
 
 

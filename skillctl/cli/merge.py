@@ -42,6 +42,8 @@ def merge(
     output_file: options.OutputFile = None,
     name: options.Name = None,
     message: options.Message = None,
+    depfile: options.Depfile = None,
+    if_changed: options.IfChanged = False,
     weights: Annotated[
         options.Numbers | None,
         typer.Option(
@@ -117,13 +119,16 @@ def merge(
     The target is --target, else the mean end of the demonstrations of --fit, else the weighted mean of the
     skills' targets. Combined skills cannot be merged.
     """
+    from skillctl.store import locate
     from skillctl.usecases.learn import Reading
+    from skillctl.usecases.make import finish_target, require_target
     from skillctl.usecases.merge import MergeOptions, TaskOptions
     from skillctl.usecases.merge import merge as merge_skills
 
     _require_task(skills, fit, fit_level, from_store, columns, dt, units)
 
     output: Output = context.obj
+    require_target(output_file, depfile, if_changed)
     with output.progress("merging") as progress:
         report = merge_skills(
             skills or [],
@@ -138,6 +143,10 @@ def merge(
             refit=not no_refit,
             progress=progress,
         )
+    parts = [locate(part.skill, store).path for part in report.parts]
+    finish_target(
+        output_file, [*(fit or ()), *parts], created=report.created, depfile=depfile, if_changed=if_changed
+    )
     for note in report.notes:
         output.note(f"note: {note}")
     output.result(report, lambda: blocks(report))

@@ -22,6 +22,8 @@ Metric: TypeAlias = Literal["learned", "euclidean"]
 Preset: TypeAlias = Literal["fast", "default", "quality"]
 MergeGate: TypeAlias = Literal["superposition", "density", "experts"]
 CombineGate: TypeAlias = Literal["latched", "instantaneous"]
+Scope: TypeAlias = Literal["global", "local"]
+VerdictFormat: TypeAlias = Literal["text", "github"]
 FitLevel: TypeAlias = Literal["part", "component"]
 Arm: TypeAlias = Literal["panda", "iiwa"]
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
@@ -125,6 +127,18 @@ Message = Annotated[
         "-m",
         metavar="TEXT",
         help="A note to keep in the skill; `log` shows it.",
+        rich_help_panel=RESULT,
+    ),
+]
+Depfile = Annotated[
+    Path | None,
+    typer.Option(metavar="F.d", help="Write what FILE.h5 depends on, for Make.", rich_help_panel=RESULT),
+]
+IfChanged = Annotated[
+    bool,
+    typer.Option(
+        "--if-changed",
+        help="Leave the time of FILE.h5 alone if it stays the same, so that nothing is made again from it.",
         rich_help_panel=RESULT,
     ),
 ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +16,11 @@ from skillctl.store import (
     DemonstrationReport,
     Operation,
     current_provenance,
-    input_fingerprint,
     input_record,
 )
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import HeldOut, report_errors
+from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
 from skillctl.usecases.validate import validate
@@ -69,6 +68,7 @@ class LearnReport:
         demonstrations: How well it repeats each one.
         held_out: Errors on demonstrations left out, if they were asked for.
         notes: What was noticed about the input, and warnings of the learner.
+        reasons: Why it was learned, in words; none if it was up to date.
     """
 
     status: Status
@@ -85,6 +85,7 @@ class LearnReport:
     demonstrations: tuple[DemonstrationReport, ...]
     held_out: HeldOut | None
     notes: tuple[str, ...]
+    reasons: tuple[str, ...] = ()
 
 
 def learn(
@@ -125,8 +126,8 @@ def learn(
     paths = [Path(path) for path in data]
     operation = Operation(command="learn", options=_recorded(options, reading, validated), seed=options.seed)
     current = destination.current()
-    noted = current is not None and note in (None, current[0].operation.note)
-    if current is not None and noted and not force and _made_from(current[0], operation, paths):
+    reasons = reasons_to_make(current[0] if current else None, operation, paths, note)
+    if current is not None and not reasons and not force:
         return _report("up to date", *current, certify(current[0].skill), ())
     read = reading.read(paths)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
@@ -134,8 +135,9 @@ def learn(
     require_stable(certificate)
     held_out = validate(read.demonstrations, options, progress) if validated else None
     artifact = _artifact(fitted, read, operation, held_out)
-    return _report(
-        "learned", artifact, destination.write(artifact), certificate, (*read.notes, *fitted.warnings)
+    written, notes = destination.write(artifact), (*read.notes, *fitted.warnings)
+    return replace(
+        _report("learned", artifact, written, certificate, notes), reasons=reasons or ("it was asked for",)
     )
 
 
@@ -147,26 +149,17 @@ def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[
     return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
 
 
-def _made_from(artifact: Artifact, operation: Operation, paths: Sequence[Path]) -> bool:
-    """Tell whether an artifact is what this operation on the bytes of these files would give."""
-    there = artifact.provenance
-    if [record.sha256 for record in there.inputs] != [_sha256(path) for path in paths]:
-        return False
-    would_be = current_provenance(inputs=there.inputs)
-    return input_fingerprint(artifact.operation, there) == input_fingerprint(operation, would_be)
-
-
-def _sha256(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-    except OSError:
-        return ""  # the reader says in words what is wrong with it
-
-
 def _adapted(progress: Progress | None) -> Callable[[LearningProgress], None] | None:
     if progress is None:
         return None
-    return lambda step: progress(step.stage, step.done, step.total)
+    return lambda step: progress(_told(step), step.done, step.total)
+
+
+def _told(step: LearningProgress) -> str:
+    """Return a stage in words: every start is one of its own, told with what it came to."""
+    if step.stage != "starts":
+        return step.stage
+    return f"start {step.done} of {step.total}, objective {step.objective:.3g}"
 
 
 def _artifact(fitted: Fit, read: ReadResult, operation: Operation, held_out: HeldOut | None) -> Artifact:
