@@ -57,6 +57,10 @@ class Output:
         """Print a JSON document that is itself the result, without a schema version of ours."""
         self._write(json.dumps(value, ensure_ascii=True, indent=2) + "\n")
 
+    def verbatim(self, text: str) -> None:
+        """Print a result whose form another program prescribes, as it is."""
+        self._write(text)
+
     def note(self, text: str) -> None:
         """Say something that is not the result."""
         if not (self.quiet or self.as_json):

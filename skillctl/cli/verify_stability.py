@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillctl.cli import options, render, words
+from skillctl.cli import options, render, reports, words
 from skillctl.cli.errors import Failure, describe
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
+from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
     from skillctl.usecases.verify_stability import SkillVerdict, VerifyReport
@@ -17,36 +18,87 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl verify-stability reach
-  skillctl verify-stability skills/*/*.h5 --json
+  skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
+  skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
 
-Exit codes: 0 all are proved stable; 1 one is not proved; 3 none is refuted, but one is open; and before
-all of these, the code of the worst skill that could not be read: 8 disk, 7 refused, 4 not found."""
+Exit codes: 0 what is required is proved of all; 1 of one it is not; 3 none is refuted, but one is open; and
+before all of these, the code of the worst skill that could not be read: 8 disk, 7 refused, 4 not found."""
+
+REQUIRED = "What has to be proved"
+REPORTS = "Reports"
 
 
-def verify_stability(context: typer.Context, skills: options.Skills, store: options.Store = None) -> None:
+def verify_stability(
+    context: typer.Context,
+    skills: options.Skills,
+    require: Annotated[
+        options.Scope,
+        typer.Option(
+            help="global: from everywhere; local: at least from around every target.",
+            rich_help_panel=REQUIRED,
+        ),
+    ] = "global",
+    period: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Every step of a controller with this period contracts, too.",
+            rich_help_panel=REQUIRED,
+        ),
+    ] = None,
+    min_rate: Annotated[
+        float | None,
+        typer.Option(metavar="R", help="A decay rate of at least this, in 1/s.", rich_help_panel=REQUIRED),
+    ] = None,
+    report: Annotated[
+        list[reports.ReportFile] | None,
+        typer.Option(
+            parser=reports.read_report,
+            metavar="junit|json|sarif=FILE",
+            help="Write a report; give it again for more. It is written whatever is wrong with a skill.",
+            rich_help_panel=REPORTS,
+        ),
+    ] = None,
+    form: Annotated[
+        options.VerdictFormat,
+        typer.Option(
+            "--format", help="text: a table; github: annotations of a workflow.", rich_help_panel=REPORTS
+        ),
+    ] = "text",
+    store: options.Store = None,
+) -> None:
     """Prove, from the stored numbers alone, that skills reach their target from everywhere.
 
     Every skill is checked, whatever is wrong with another. Rates are proved lower bounds in 1/s; the period
     is the longest at which a controller may step, proved too.
     """
+    from skillctl.usecases.verify_stability import Requirements
     from skillctl.usecases.verify_stability import verify_stability as verify_skills
 
     output: Output = context.obj
-    report = verify_skills(skills, store=store)
-    output.result(report, lambda: blocks(report))
-    failures = [describe(verdict.error) for verdict in report.skills if verdict.error is not None]
-    output.failures(failures, len(report.skills))
-    raise typer.Exit(exit_code(report, failures))
+    if output.as_json and form != "text":
+        raise UsageError("--json and --format exclude each other.", hint="Add --report json=FILE instead.")
+    files = report or []
+    reports.require_own_files(files)
+    verified = verify_skills(skills, store=store, required=Requirements(require, period, min_rate))
+    reports.write_reports(verified, files)
+    if form == "github":
+        output.verbatim(reports.github(verified))
+    else:
+        output.result(verified, lambda: blocks(verified))
+    failures = [describe(verdict.error) for verdict in verified.skills if verdict.error is not None]
+    output.failures(failures, len(verified.skills))
+    raise typer.Exit(exit_code(verified, failures))
 
 
 def exit_code(report: VerifyReport, failures: list[Failure]) -> ExitCode:
     """Return the one code for many skills; see the end of the help."""
     if failures:
         return max(failure.code for failure in failures)
-    verdicts = {verdict.certificate.verdict for verdict in report.skills if verdict.certificate is not None}
-    if "not proved" in verdicts:
+    outcomes = {verdict.outcome for verdict in report.skills}
+    if "not proved" in outcomes:
         return ExitCode.NEGATIVE
-    return ExitCode.INCONCLUSIVE if "inconclusive" in verdicts else ExitCode.DONE
+    return ExitCode.INCONCLUSIVE if "inconclusive" in outcomes else ExitCode.DONE
 
 
 def blocks(report: VerifyReport) -> list[render.Block]:
@@ -86,11 +138,19 @@ def _rows(verdict: SkillVerdict) -> list[tuple[str, ...]]:
 
 
 def _explanations(report: VerifyReport) -> list[render.Block]:
-    """Return why anything is not proved: leaf, component, and what sampling shows."""
+    """Return what is required and not proved, and why: leaf, component, and what sampling shows."""
     return [
         render.Lines(
-            f"{verdict.skill}: {certificate.verdict}", (*certificate.failures, *certificate.evidence)
+            f"{verdict.skill}: {verdict.outcome}",
+            (*(verdict.unmet if _asked(report) else ()), *certificate.failures, *certificate.evidence),
         )
         for verdict in report.skills
-        if (certificate := verdict.certificate) is not None and certificate.verdict != "stable"
+        if (certificate := verdict.certificate) is not None
+        and (verdict.unmet or certificate.verdict != "stable")
     ]
+
+
+def _asked(report: VerifyReport) -> bool:
+    """Return whether more, or less, is required than what is usual."""
+    required = report.required
+    return (required.scope, required.period, required.min_rate) != ("global", None, None)

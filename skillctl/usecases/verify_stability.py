@@ -2,15 +2,61 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, TypeAlias
 
-from skillctl.errors import SkillctlError
+from skillctl.errors import SkillctlError, UsageError
 from skillctl.model import Skill
 from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 from skillctl.stability import Certificate, certify
+from skillctl.stability.report import at_least
 from skillctl.usecases.files import open_skill
+
+Outcome: TypeAlias = Literal["proved", "not proved", "inconclusive", "unreadable"]
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What has to be proved.
+
+    Attributes:
+        scope: ``global``: convergence from everywhere; ``local``: at least from around every attractor.
+        period: Every step of a controller with this period must contract, too, [s]; None asks for none.
+        min_rate: The decay rate must be at least this, [1/s]; None asks for any.
+    """
+
+    scope: Literal["global", "local"] = "global"
+    period: float | None = None
+    min_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, unit in (("period", self.period, "seconds"), ("min-rate", self.min_rate, "1/s")):
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise UsageError(f"{name}: must be a positive number of {unit}, got {value:g}.")
+
+    def unmet_by(self, certificate: Certificate) -> tuple[str, ...]:
+        """Return what a certificate does not prove of what is required, in sentences."""
+        reached = ("global", "local") if self.scope == "local" else ("global",)
+        if certificate.scope not in reached:
+            return (f"Required is a {self.scope} proof; proved is {certificate.scope}.",)
+        sentences = []
+        if self.period is not None and (certificate.period is None or certificate.period < self.period):
+            sentences.append(
+                f"Required is a controller period of {self.period:g} s; proved is "
+                f"{_told(certificate.period)} s."
+            )
+        if self.min_rate is not None and (certificate.rate is None or certificate.rate < self.min_rate):
+            sentences.append(
+                f"Required is a decay rate of {self.min_rate:g} 1/s; proved is {_told(certificate.rate)} 1/s."
+            )
+        return tuple(sentences)
+
+
+def _told(value: float | None) -> str:
+    return "none" if value is None else at_least(value)
 
 
 @dataclass(frozen=True)
@@ -23,6 +69,8 @@ class SkillVerdict:
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
         error: Why not.
+        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness.
+        unmet: What of the requirements is not proved, in sentences.
     """
 
     skill: str
@@ -30,23 +78,34 @@ class SkillVerdict:
     digest: str | None
     certificate: Certificate | None
     error: SkillctlError | None
+    outcome: Outcome
+    unmet: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class VerifyReport:
-    """The verdicts, in the order in which the skills were named."""
+    """The verdicts, in the order in which the skills were named, and what was required."""
 
     skills: tuple[SkillVerdict, ...]
+    required: Requirements
 
 
-def verify_stability(references: Sequence[str | Path], *, store: Path | None = None) -> VerifyReport:
+def verify_stability(
+    references: Sequence[str | Path],
+    *,
+    store: Path | None = None,
+    required: Requirements | None = None,
+) -> VerifyReport:
     """Return what is proved of each skill; those that cannot be read do not keep others from being checked.
 
     Args:
         references: Files, or names of the store.
         store: Where names live; default as on the command line.
+        required: What has to be proved; by default convergence from everywhere.
     """
-    return VerifyReport(tuple(_verdict(str(reference), store) for reference in references))
+    required = required or Requirements()
+    verdicts = tuple(_verdict(str(reference), store, required) for reference in references)
+    return VerifyReport(verdicts, required)
 
 
 def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certificate:
@@ -61,11 +120,15 @@ def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certifica
     return certify(source.skill, digest=source.artifact.digest)
 
 
-def _verdict(reference: str, store: Path | None) -> SkillVerdict:
+def _verdict(reference: str, store: Path | None, required: Requirements) -> SkillVerdict:
     try:
         source = open_skill(reference, store)
     except SkillctlError as error:
-        return SkillVerdict(reference, None, None, None, error)
+        return SkillVerdict(reference, None, None, None, error, "unreadable")
     digest = source.artifact.digest
     certificate = certify(source.skill, digest=digest)
-    return SkillVerdict(source.name, source.located.path, digest, certificate, None)
+    unmet = required.unmet_by(certificate)
+    outcome: Outcome = "proved"
+    if unmet:
+        outcome = "inconclusive" if certificate.verdict == "inconclusive" else "not proved"
+    return SkillVerdict(source.name, source.located.path, digest, certificate, None, outcome, unmet)

@@ -1,0 +1,128 @@
+"""Reports of verify-stability: in the forms other programs read, complete whatever is wrong with a skill."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sarif_pydantic
+from junitparser import Error, Failure, JUnitXml
+
+from skillctl.usecases.combine import CombineOptions, combine
+from skillctl.usecases.files import load, open_skill, save
+
+
+@pytest.fixture
+def mixed(library, tmp_path):
+    """Four references: proved, not proved, unreadable, and not there."""
+    skill = load("curve", store=library)
+    matrices = skill.system_matrices.copy()
+    matrices[1] = np.diag([-1.0, 1e-9])
+    save(replace(skill, system_matrices=matrices), tmp_path / "bad%,:.h5")
+    (tmp_path / "noise\x1b.h5").write_text("x")
+    return [
+        "curve",
+        tmp_path / "bad%,:.h5",
+        tmp_path / "noise\x1b.h5",
+        tmp_path / "gone.h5",
+        "--store",
+        library,
+    ]
+
+
+@pytest.fixture
+def digest(library):
+    return open_skill("curve", library).artifact.digest
+
+
+def test_junit_tells_proved_failed_and_unreadable_apart(run, mixed, digest, tmp_path):
+    result = run("verify-stability", *mixed, "--report", f"junit={tmp_path / 'r.xml'}")
+    assert result.exit_code == 7
+    document = JUnitXml.fromfile(str(tmp_path / "r.xml"))
+    (suite,) = document
+    assert (suite.tests, suite.failures, suite.errors, suite.skipped) == (4, 1, 2, 0)
+    cases = list(suite)
+    assert cases[0].name == "curve@1"
+    assert [[type(entry) for entry in case.result] for case in cases] == [[], [Failure], [Error], [Error]]
+    assert digest in cases[0].system_out
+    assert "component 2" in cases[1].result[0].message
+
+
+def test_sarif_names_every_skill_with_its_digest(run, mixed, digest, tmp_path):
+    run("verify-stability", *mixed, "--report", f"sarif={tmp_path / 'r.sarif'}")
+    document = json.loads((tmp_path / "r.sarif").read_text(encoding="utf-8"))
+    sarif_pydantic.Sarif.model_validate(document)
+    # What the standard requires and the model leaves open (sections 3.13, 3.14, 3.19, 3.27, 3.49).
+    assert document["version"] == "2.1.0"
+    (run_,) = document["runs"]
+    rules = run_["tool"]["driver"]["rules"]
+    assert run_["tool"]["driver"]["name"]
+    assert len({rule["id"] for rule in rules}) == len(rules)
+    assert [r["level"] for r in run_["results"]] == ["none", "error", "error", "error"]
+    for result in run_["results"]:
+        assert rules[result["ruleIndex"]]["id"] == result["ruleId"]
+        assert result["kind"] in ("pass", "fail")
+        assert (result["kind"] == "pass") == (result["level"] == "none")  # section 3.27.10
+        assert result["message"]["text"]
+        uri = result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+        assert not set(uri) & set(" \x1b,")
+    assert run_["results"][0]["partialFingerprints"] == {"skillContent/v1": digest}
+    assert "%25" in run_["results"][1]["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+
+
+def test_the_json_report_is_what_json_prints(run, mixed, tmp_path):
+    result = run("verify-stability", *mixed, "--json", "--report", f"json={tmp_path / 'r.json'}")
+    assert json.loads((tmp_path / "r.json").read_text()) == json.loads(result.stdout)
+
+
+def test_annotations_are_one_escaped_line_a_skill(run, mixed):
+    result = run("verify-stability", *mixed, "--format", "github")
+    lines = result.stdout.splitlines()
+    assert len(lines) == 4
+    assert all(line.startswith("::error file=") for line in lines[:3])
+    assert "bad%25%2C%3A.h5,title=skillctl verify-stability%3A not proved::" in lines[0]
+    assert "\x1b" not in result.stdout
+    assert lines[3] == "1 of 4 skills proved."
+    assert run("verify-stability", *mixed, "--format", "github", "--json").exit_code == 2
+
+
+def test_several_reports_at_once_but_each_in_its_own_file(run, library, tmp_path):
+    one, two = tmp_path / "a.xml", tmp_path / "b.sarif"
+    arguments = ["verify-stability", "curve", "--store", library, "--report", f"junit={one}"]
+    assert run(*arguments, "--report", f"sarif={two}").exit_code == 0
+    assert one.exists()
+    assert two.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.xml", "b.sarif"]  # nothing temporary
+    assert run(*arguments, "--report", f"json={one}").exit_code == 2
+    for wrong in ("xml=a", "junit=", "junit"):
+        assert run("verify-stability", "curve", "--report", wrong).exit_code == 2
+    assert run(*arguments[:-2], "--report", f"junit={tmp_path / 'no' / 'x.xml'}").exit_code == 8
+
+
+def test_a_period_and_a_rate_can_be_required(run, library):
+    proved = open_skill("curve", library)
+    document = json.loads(run("verify-stability", "curve", "--store", library, "--json").stdout)
+    certificate = document["skills"][0]["certificate"]
+    assert document["skills"][0]["digest"] == certificate["digest"] == proved.artifact.digest
+    for option, proved_value, above in (("--period", "period", 1.01), ("--min-rate", "rate", 1.01)):
+        exactly = certificate[proved_value]
+        arguments = ["verify-stability", "curve", "--store", library, option]
+        assert run(*arguments, repr(exactly)).exit_code == 0
+        refused = run(*arguments, repr(above * exactly))
+        assert refused.exit_code == 1
+        assert "Required is a" in refused.stdout
+        for wrong in ("0", "-1", "nan"):
+            assert run(*arguments, wrong).exit_code == 2
+
+
+def test_a_local_proof_is_enough_where_that_is_required(run, library, tmp_path):
+    path = tmp_path / "i.h5"
+    combine(["curve", "hook"], output=path, store=library, options=CombineOptions(gate="instantaneous"))
+    usual = json.loads(run("verify-stability", path, "--json").stdout)["skills"][0]
+    assert usual["certificate"]["scope"] == "local"
+    assert run("verify-stability", path).exit_code in (1, 3)
+    assert run("verify-stability", path, "--require", "local").exit_code == 0
+    document = json.loads(run("verify-stability", path, "--require", "local", "--json").stdout)
+    assert (document["skills"][0]["outcome"], document["required"]["scope"]) == ("proved", "local")
