@@ -83,7 +83,7 @@ def learned_metric(sets: Sequence[DemonstrationSet]) -> FloatArray:
     with threadpool_limits(1):
         for demonstrations in sets:
             aligned, attractor = align(demonstrations)
-            motions.append(training_data(aligned, attractor, LearnOptions().effort.samples).positions)
+            motions.append(training_data(aligned, attractor, _samples(aligned, LearnOptions())).positions)
         return learn_lyapunov(motions)
 
 
@@ -94,7 +94,7 @@ def _fit(
     progress: ProgressCallback,
 ) -> Fit:
     aligned, attractor = align(demonstrations)
-    data = training_data(aligned, attractor, options.effort.samples)
+    data = training_data(aligned, attractor, _samples(aligned, options))
     metric = _metric(data, options, lyapunov)
     n_components = _n_components(aligned, data, metric, options, progress)
     solution = solve(data, metric, n_components, options, progress)
@@ -111,6 +111,10 @@ def _fit(
     )
 
 
+def _samples(demonstrations: DemonstrationSet, options: LearnOptions) -> int:
+    return options.effort.samples_of(len(demonstrations))
+
+
 def _n_components(
     aligned: DemonstrationSet,
     data: TrainingData,
@@ -118,7 +122,7 @@ def _n_components(
     options: LearnOptions,
     progress: ProgressCallback,
 ) -> int:
-    limit = component_limit(aligned, options.effort.samples)
+    limit = component_limit(aligned, _samples(aligned, options))
     if options.n_components is None:
         return min(options.effort.components, limit)
     if options.n_components == "auto":

@@ -34,6 +34,12 @@ class Effort:
     samples: int
     components: int
 
+    def samples_of(self, count: int) -> int:
+        """Return the points to keep of each of ``count`` demonstrations: few of them are sampled finer."""
+        return max(self.samples, -(-FEWEST_POINTS // count))
+
+
+FEWEST_POINTS = 120  # in all: what a handful of components in three dimensions need
 
 EFFORTS: dict[Preset, Effort] = {
     "fast": Effort(starts=1, probe_steps=6, polish_steps=12, samples=30, components=7),

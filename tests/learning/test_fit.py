@@ -139,6 +139,11 @@ def test_more_components_than_the_data_carry_are_refused(curved: Curved) -> None
     assert fit(short, LearnOptions(preset="fast")).skill.n_components <= limit
 
 
+def test_one_long_demonstration_carries_the_usual_number_of_components(curved: Curved) -> None:
+    result = fit(curved(dimension=3, count=1, samples=500), LearnOptions(preset="fast"))
+    assert result.skill.n_components == 7
+
+
 @pytest.mark.parametrize("count", [1, 4])
 def test_components_can_be_selected(curved: Curved, count: int) -> None:
     straight = [Demonstration.from_positions(d.times, d.positions[:, :1]) for d in curved(count=count)]
