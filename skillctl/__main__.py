@@ -8,6 +8,7 @@ import sys
 import warnings
 
 from skillctl.cli.exit_codes import ExitCode
+from skillctl.errors import Terminated
 
 # The matrices of a skill are tiny: more BLAS threads only cost time, and one thread gives every machine the
 # same sums. The variables count only if they are set before NumPy is imported.
@@ -16,8 +17,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
-    # Unwind as for Ctrl-C, so that temporary files are removed.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(ExitCode.TERMINATED))
+    signal.signal(signal.SIGTERM, _terminate)
     if sys.argv[1:] == ["--version"]:
         _print_version()
         return
@@ -31,6 +31,10 @@ def main() -> None:
     from skillctl.cli.app import app
 
     app(prog_name="skillctl")
+
+
+def _terminate(*_: object) -> None:
+    raise Terminated
 
 
 def _print_version() -> None:

@@ -30,6 +30,10 @@ class SkillctlError(Exception):
         return Exception.__new__, (type(self), *self.args), self.__dict__
 
 
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: unwinds as Ctrl-C does, so that nothing half is left."""
+
+
 class UsageError(SkillctlError):
     """The request itself makes no sense: options that contradict each other, a weight below zero."""
 

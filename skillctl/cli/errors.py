@@ -24,6 +24,7 @@ EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (errors.GoalNotReachedError, ExitCode.NEGATIVE),
     (BrokenPipeError, ExitCode.CLOSED_PIPE),
     (OSError, ExitCode.STORE),
+    (errors.Terminated, ExitCode.TERMINATED),
     (KeyboardInterrupt, ExitCode.INTERRUPTED),
     (Exception, ExitCode.INTERNAL),
 )
@@ -49,7 +50,9 @@ def describe(error: BaseException) -> Failure:
     if isinstance(error, errors.SkillctlError):
         return Failure(code, printable(str(error)), printable(error.hint))
     if isinstance(error, KeyboardInterrupt):
-        return Failure(code, "interrupted.")
+        stopped = "terminated" if isinstance(error, errors.Terminated) else "interrupted"
+        said = printable(str(error))  # by whoever knows what was done already
+        return Failure(code, f"{stopped}: {said}." if said else f"{stopped}.")
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return Failure(code, printable(f"{where}{error.strerror or error}."), "Check the path and the disk.")

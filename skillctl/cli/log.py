@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Example:
-  skillctl learn reach-*.csv --name reach -m "slower near the shelf"
-  skillctl log reach"""
+  skillctl log reach
+  skillctl learn reach-*.csv --name reach -m "slower near the shelf"   # a note for the log"""
 
 
 def log(

@@ -123,6 +123,7 @@ class Registry:
             UsageError: No skill can be called so.
             ArtifactError: Not an artifact, or a symbolic link stands where a directory belongs.
             StoreError: No permission, no space.
+            KeyboardInterrupt: Interrupted or terminated; its text says whether the version was published.
         """
         from skillctl.store.reader import digest_of
 
@@ -132,10 +133,27 @@ class Registry:
             version = self._newest_with(digest, name, directory)
             if version is not None:
                 return StoredVersion(name, version, self.path_of(name, version), digest, created=False)
-            with staged(directory, data) as link, locked(directory, shared=True):
-                version, created = self._link_next(link, digest, name, directory)
-            os.fsync(directory)
+            with self._telling(digest, name, directory):
+                with staged(directory, data) as link, locked(directory, shared=True):
+                    version, created = self._link_next(link, digest, name, directory)
+                os.fsync(directory)
         return StoredVersion(name, version, self.path_of(name, version), digest, created)
+
+    @contextmanager
+    def _telling(self, digest: str, name: str, directory: int) -> Iterator[None]:
+        """Let an interrupt say whether it came before or after the version had its name.
+
+        It may come between the link and the next line of Python, so only the directory knows.
+        """
+        before = existing_versions(directory)
+        try:
+            yield
+        except KeyboardInterrupt as stop:
+            new = sorted(set(existing_versions(directory)) - set(before))
+            mine = [number for number in new if self._stated_digest(name, number) == digest]
+            told = f"{name}@{mine[0]} was published" if mine else f"nothing was published as {name}"
+            stop.args = (told,)
+            raise
 
     def aliases(self, name: str) -> dict[str, int]:
         """Return the version of each alias of a skill, by alias.
