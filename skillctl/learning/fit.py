@@ -122,7 +122,7 @@ def _n_components(
     options: LearnOptions,
     progress: ProgressCallback,
 ) -> int:
-    limit = component_limit(aligned, _samples(aligned, options))
+    limit = component_limit(aligned)
     if options.n_components is None:
         return min(options.effort.components, limit)
     if options.n_components == "auto":

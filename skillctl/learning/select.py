@@ -10,7 +10,7 @@ from skillctl.arrays import FloatArray
 from skillctl.learning.em import log_likelihood
 from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import LearnOptions
-from skillctl.learning.preprocess import TrainingData
+from skillctl.learning.preprocess import EMBEDDED_POINTS, TrainingData
 from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve, stability_barrier
 from skillctl.model import DemonstrationSet
 
@@ -20,9 +20,12 @@ MOST_FOLDS = 4
 TIE = 1.05  # a smaller K wins unless it costs more than this times the best
 
 
-def component_limit(demonstrations: DemonstrationSet, samples: int) -> int:
-    """Return the largest K the data can carry: about five points per component and dimension."""
-    points = sum(min(len(d.times), samples) for d in demonstrations)
+def component_limit(demonstrations: DemonstrationSet) -> int:
+    """Return the largest K the data can carry: about five points per component and dimension.
+
+    Of a long recording ``EMBEDDED_POINTS`` count: beyond that, neighbours tell the same.
+    """
+    points = sum(min(len(d.times), EMBEDDED_POINTS) for d in demonstrations)
     return max(1, points // (POINTS_PER_COORDINATE * demonstrations.dimension))
 
 

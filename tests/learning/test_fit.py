@@ -131,7 +131,7 @@ def test_one_metric_can_serve_several_motions(curved: Curved) -> None:
 
 def test_more_components_than_the_data_carry_are_refused(curved: Curved) -> None:
     short = curved(count=1, samples=20)
-    limit = component_limit(short, 50)
+    limit = component_limit(short)
     assert limit == 2
     with pytest.raises(UsageError, match=r"9 is more than .* \(\d\)") as caught:
         fit(short, LearnOptions(n_components=9))
