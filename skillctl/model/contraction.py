@@ -60,5 +60,7 @@ def _whitened(lyapunov: FloatArray, matrices: FloatArray) -> FloatArray:
 
 def _rates(whitened: FloatArray, period: float = 0.0) -> FloatArray:
     transposed = whitened.swapaxes(1, 2)
-    changes = 0.5 * (whitened + transposed + period * (transposed @ whitened))
-    return np.asarray(-np.linalg.eigvalsh(changes)[:, -1])
+    changes = whitened + transposed
+    if period > 0:  # zero times the square of a very large number is no number
+        changes = changes + period * (transposed @ whitened)
+    return np.asarray(-np.linalg.eigvalsh(0.5 * changes)[:, -1])

@@ -116,8 +116,35 @@ class SedsSkill:
         )
 
 
+class _Tree:
+    """What all skills made of parts have in common."""
+
+    __slots__ = ()
+    parts: tuple[SedsSkill | MergedSkill, ...]
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates of a state, d."""
+        return self.parts[0].dimension
+
+    @property
+    def n_components(self) -> int:
+        """Number of components of all parts together."""
+        return sum(part.n_components for part in self.parts)
+
+    @property
+    def space(self) -> StateSpace:
+        """Names, unit and frame of the state."""
+        return self.parts[0].space
+
+    @property
+    def leaves(self) -> tuple[SedsSkill, ...]:
+        """The SEDS skills this one is made of, from left to right."""
+        return tuple(leaf for part in self.parts for leaf in part.leaves)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
-class MergedSkill:
+class MergedSkill(_Tree):
     """Several skills acting together on one attractor, with one common Lyapunov matrix.
 
     ξ̇ = α Σᵢ Σₖ h̃ₖⁱ(ξ) Aₖⁱ (ξ − ξ*), where h̃ ≥ 0 sums to one over all components:
@@ -161,16 +188,6 @@ class MergedSkill:
         object.__setattr__(self, "_matrices", self.component_matrices.reshape(-1, d * d))
 
     @property
-    def dimension(self) -> int:
-        """Number of coordinates of a state, d."""
-        return self.parts[0].dimension
-
-    @property
-    def n_components(self) -> int:
-        """Number of components of all parts together."""
-        return sum(part.n_components for part in self.parts)
-
-    @property
     def attractor(self) -> FloatArray:
         """ξ*, shape (d,)."""
         return self.parts[0].attractor
@@ -181,19 +198,9 @@ class MergedSkill:
         return self.parts[0].lyapunov
 
     @property
-    def space(self) -> StateSpace:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
-
-    @property
     def component_matrices(self) -> FloatArray:
         """The matrices that act, with every speed on the way multiplied in. Shape (K, d, d), [1/s]."""
         return self.speed * np.concatenate([part.component_matrices for part in self.parts])
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The SEDS skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
 
     def responsibilities(self, positions: FloatArray) -> FloatArray:
         """Return h̃ for positions (n, d), parts side by side. Shape (n, K); rows sum to one."""
@@ -235,7 +242,7 @@ class MergedSkill:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CombinedSkill:
+class CombinedSkill(_Tree):
     """Several skills of which one alone acts at any time (Section 3.2).
 
     Part i = argmax_j (log βⱼ + log pⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
@@ -268,21 +275,6 @@ class CombinedSkill:
         _require_positive("disturbance_distance", self.disturbance_distance)
 
     @property
-    def dimension(self) -> int:
-        """Number of coordinates of a state, d."""
-        return self.parts[0].dimension
-
-    @property
-    def n_components(self) -> int:
-        """Number of components of all parts together."""
-        return sum(part.n_components for part in self.parts)
-
-    @property
-    def space(self) -> StateSpace:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
-
-    @property
     def attractors(self) -> FloatArray:
         """The attractor of each part. Shape (number of parts, d)."""
         return np.stack([part.attractor for part in self.parts])
@@ -291,11 +283,6 @@ class CombinedSkill:
     def aligned(self) -> bool:
         """Whether all parts share one attractor."""
         return bool((self.attractors == self.attractors[0]).all())
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The SEDS skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
 
     def part_scores(self, positions: FloatArray) -> FloatArray:
         """Return log βᵢ + log pᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
