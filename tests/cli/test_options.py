@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import get_args, get_type_hints
 
 import pytest
 import typer
@@ -14,6 +14,7 @@ from skillctl.demonstrations.recording import Unit
 from skillctl.learning import METRICS, OBJECTIVES, PRESETS
 from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
 from skillctl.simulation import ARMS, HANDS, PLANES
+from skillctl.usecases.verify_stability import Requirements
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,7 @@ from skillctl.simulation import ARMS, HANDS, PLANES
         (options.MergeGate, MERGE_GATES),
         (options.CombineGate, COMBINE_GATES),
         (options.FitLevel, FIT_LEVELS),
+        (options.Scope, get_args(get_type_hints(Requirements)["scope"])),
         (options.Arm, tuple(ARMS)),
         (options.Plane, PLANES),
         (options.Hand, HANDS),
