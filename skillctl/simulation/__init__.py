@@ -6,7 +6,7 @@ Importing this room needs neither PyBullet nor Pillow; both are loaded when they
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.episode import Episode, Metrics, Outcome, TimeSeries
 from skillctl.simulation.options import HANDS, PLANES, SimulationOptions
-from skillctl.simulation.recording import write_log, write_picture
+from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "Outcome",
     "SimulationOptions",
     "TimeSeries",
+    "encode_log",
     "simulate",
-    "write_log",
-    "write_picture",
 ]

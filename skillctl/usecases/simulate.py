@@ -12,6 +12,7 @@ from skillctl.simulation import Episode, Metrics, Outcome, SimulationOptions
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
+from skillctl.store import write_file
 from skillctl.usecases.files import Source, open_skill
 from skillctl.usecases.progress import Progress
 
@@ -91,11 +92,13 @@ def simulate(
         else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
     )
     if log is not None:
-        simulation.write_log(episode, log)
+        write_file(log, simulation.encode_log(episode))
     if picture is not None:
+        from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
+
         if progress is not None:
             progress("drawing", 0, 1)
-        simulation.write_picture(episode, picture, title=source.name)
+        write_file(picture, encode_picture(episode, title=source.name))
     return _report(source, episode, log, picture)
 
 

@@ -2,15 +2,12 @@ from __future__ import annotations
 
 import csv
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skillctl.errors import StoreError
-from skillctl.simulation import ARMS, Episode, TimeSeries, write_log
+from skillctl.simulation import ARMS, Episode, TimeSeries, encode_log
 from skillctl.simulation.episode import measure
-from skillctl.simulation.files import write_atomically
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
 
@@ -37,10 +34,8 @@ def episode() -> Episode:
     )
 
 
-def test_every_number_of_the_log_reads_back_exactly(episode: Episode, tmp_path: Path) -> None:
-    write_log(episode, tmp_path / "run.csv")
-
-    rows = list(csv.DictReader(io.StringIO((tmp_path / "run.csv").read_text())))
+def test_every_number_of_the_log_reads_back_exactly(episode: Episode) -> None:
+    rows = list(csv.DictReader(io.StringIO(encode_log(episode).decode())))
 
     def columns(*names: str) -> np.ndarray:
         return np.array([[float(row[name]) for name in names] for row in rows])
@@ -54,20 +49,3 @@ def test_every_number_of_the_log_reads_back_exactly(episode: Episode, tmp_path: 
     assert (columns("ik_residual")[:, 0] == series.residuals).all()
     assert [row["part"] for row in rows] == ["0", "0", "1", "1", "1"]
     assert len(rows[0]) == 1 + 3 + 3 + 3 * 7 + 1 + 1
-
-
-def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    path.write_text("old and longer")
-    write_atomically(path, b"new")
-    assert path.read_bytes() == b"new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_refusal_of_the_disk_leaves_nothing_behind(tmp_path: Path) -> None:
-    (tmp_path / "run.csv").mkdir()  # a folder cannot be replaced by a file, whoever asks
-    with pytest.raises(StoreError, match=r"run\.csv"):
-        write_atomically(tmp_path / "run.csv", b"new")
-    with pytest.raises(StoreError, match="absent"):
-        write_atomically(tmp_path / "absent" / "run.csv", b"new")
-    assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]
