@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share
+from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.parameters import skill_of
 from skillctl.learning.preprocess import TrainingData, align, embedded, training_data
@@ -95,9 +95,10 @@ def _fit(
 ) -> Fit:
     aligned, attractor = align(demonstrations)
     data = training_data(aligned, attractor, _samples(aligned, options))
-    metric = _metric(data, options, lyapunov)
-    n_components = _n_components(aligned, data, metric, options, progress)
-    solution = solve(data, metric, n_components, options, progress)
+    metrics = _metrics(aligned, data, options, lyapunov)
+    n_components = _n_components(aligned, data, metrics[0], options, progress)
+    solutions = [solve(data, metric, n_components, options, progress) for metric in metrics]
+    solution, metric = min(zip(solutions, metrics, strict=True), key=lambda pair: pair[0].objective)
     bound = deviation_bound(metric, data.positions) * data.length_scale
     share = rising_share(metric, data.positions)
     return Fit(
@@ -135,12 +136,23 @@ def _n_components(
     return options.n_components
 
 
-def _metric(data: TrainingData, options: LearnOptions, lyapunov: FloatArray | None) -> FloatArray:
+def _metrics(
+    aligned: DemonstrationSet, data: TrainingData, options: LearnOptions, lyapunov: FloatArray | None
+) -> list[FloatArray]:
+    """Return the Lyapunov matrices to choose from.
+
+    It is one, unless the motion contradicts even the learned one: then a longer one may do better, which
+    shows only when both have been learned with.
+    """
     if lyapunov is not None:
         if lyapunov.shape != (data.dimension, data.dimension):
             raise UsageError(f"lyapunov: expected {data.dimension} x {data.dimension}, got {lyapunov.shape}.")
-        return lyapunov
-    return learn_lyapunov([data.positions]) if options.metric == "learned" else np.eye(data.dimension)
+        return [lyapunov]
+    if options.metric == "euclidean":
+        return [np.eye(data.dimension)]
+    learned = learn_lyapunov([data.positions])
+    contradicted = deviation_bound(learned, data.positions) * data.length_scale > BOUND_SHARE * aligned.extent
+    return [learned, stretched(learned)] if contradicted else [learned]
 
 
 def _warnings(

@@ -116,6 +116,21 @@ def learn_lyapunov(motions: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(lyapunov * (d / np.trace(lyapunov)))
 
 
+def stretched(lyapunov: FloatArray, factor: float = 2.0) -> FloatArray:
+    """Return P with the same axes and trace and ``factor`` times the condition number; a round P as it is.
+
+    What a P costs a motion that contradicts it is known only after learning; a longer P is the alternative
+    that most often turns out better.
+    """
+    values, vectors = np.linalg.eigh(lyapunov)
+    condition = values[-1] / values[0]
+    if condition < 1.05:
+        return lyapunov
+    longer = (vectors * values ** (1 + np.log(factor) / np.log(condition))) @ vectors.T
+    longer = 0.5 * (longer + longer.T)
+    return np.asarray(longer * (np.trace(lyapunov) / np.trace(longer)))
+
+
 def _exponential(parameters: FloatArray, d: int) -> FloatArray:
     """Return exp(S) for the symmetric traceless S with these upper-triangle entries, the last left out."""
     symmetric = np.zeros((d, d))

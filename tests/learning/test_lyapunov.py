@@ -5,7 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skillctl.learning.lyapunov import deviation_bound, falling_fit, learn_lyapunov, rise, rising_share
+from skillctl.learning.lyapunov import (
+    deviation_bound,
+    falling_fit,
+    learn_lyapunov,
+    rise,
+    rising_share,
+    stretched,
+)
 from skillctl.learning.preprocess import align, training_data
 from skillctl.model import DemonstrationSet
 
@@ -80,6 +87,17 @@ def test_a_stretched_motion_is_seen_through() -> None:
     assert rise(learned, path).mean() < 0.002
     assert np.trace(learned) == pytest.approx(2.0)
     assert np.linalg.eigvalsh(learned).min() > 0
+
+
+def test_a_stretched_metric_keeps_axes_and_trace_and_doubles_the_condition() -> None:
+    metric = np.array([[1.5, 0.4], [0.4, 0.5]])
+    longer = stretched(metric)
+    values, vectors = np.linalg.eigh(metric)
+    turned = vectors.T @ longer @ vectors
+    np.testing.assert_allclose(turned, np.diag(np.diag(turned)), atol=1e-12)
+    assert np.trace(longer) == pytest.approx(2.0)
+    assert np.linalg.cond(longer) == pytest.approx(2 * values[1] / values[0])
+    np.testing.assert_array_equal(stretched(np.eye(3)), np.eye(3))
 
 
 def test_one_dimension_has_one_metric() -> None:
