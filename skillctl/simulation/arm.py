@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -14,55 +16,84 @@ from skillctl.simulation.bullet import load_bullet
 CONTROL_PERIOD = 1 / 240  # [s], also Bullet's step
 POSITION_GAIN, VELOCITY_GAIN = 0.1, 1.0  # of Bullet's position motors; 0.03 to 0.6 track alike
 LIMIT_MARGIN = 0.005  # [rad]: commands keep clear of the limits by more than the motors' lag
+STOP_MARGIN = 1e-6  # [rad]: a stopped joint is within its limit, whatever is rounded
 FINGER_FORCE = 20.0  # [N]
+
+Shapes: TypeAlias = Literal["all", "collision", "none"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ArmModel:
     """A data sheet. All arrays have one entry per arm joint; fingers are not arm joints.
 
+    A sliding joint counts in [m], [m/s] and [N] where a turning one counts in [rad], [rad/s] and [Nm].
+
     Attributes:
         name: As on the command line.
-        urdf: File of the ``pybullet_data`` package.
+        urdf: File of the ``pybullet_data`` package, or an absolute path.
+        indices: Bullet's numbers of the arm's joints, from the base to the hand.
         tip: Link whose frame is "the hand": its z axis is the approach direction.
         lower, upper: Joint limits of the real arm, [rad] (the URDF's are wider).
         max_velocity, max_torque: Of the real arm, [rad/s] and [Nm].
         home: Ready posture for a hand pitched down by zero; the pitch is subtracted at ``pitch_joint``.
-        pitch_joint: Joint that pitches the hand in the ready posture, with its sign.
+        pitch_joint: Joint that pitches the hand in the ready posture, with its sign; None if that is unknown.
         finger_axis: Sign of the hand's y axis against the horizontal in the natural branch (see ``ik``).
         fingers: Finger joints and how far they are held open, [m].
         reach_centre: Middle of the comfortable workspace in front of the arm, [m].
+        held: Joints that neither carry the hand nor are fingers of a known gripper, and where they are held.
     """
 
     name: str
     urdf: str
+    indices: tuple[int, ...]
     tip: int
     lower: FloatArray
     upper: FloatArray
     max_velocity: FloatArray
     max_torque: FloatArray
     home: FloatArray
-    pitch_joint: tuple[int, float]
+    pitch_joint: tuple[int, float] | None
     finger_axis: int
     fingers: tuple[tuple[int, float], ...]
     reach_centre: tuple[float, float, float]
+    held: tuple[tuple[int, float], ...] = ()
 
     @property
     def n_joints(self) -> int:
         """Number of arm joints."""
         return len(self.home)
 
+    @property
+    def path(self) -> Path:
+        """Where the URDF file lies."""
+        import pybullet_data
+
+        return Path(pybullet_data.getDataPath()) / self.urdf
+
+    @property
+    def others(self) -> tuple[tuple[int, float], ...]:
+        """All joints that are not the arm's, and where they are held."""
+        return self.fingers + self.held
+
+    @property
+    def columns(self) -> list[int]:
+        """Places of the arm's joints among all movable joints, the order in which Bullet lists those."""
+        movable = sorted([*self.indices, *(joint for joint, _ in self.others)])
+        return [movable.index(joint) for joint in self.indices]
+
     def home_joints(self, pitch: float) -> FloatArray:
         """Return the ready posture whose hand is pitched ``pitch`` [rad] below the horizontal."""
-        joint, sign = self.pitch_joint
         joints = self.home.copy()
-        joints[joint] += sign * pitch
+        if self.pitch_joint is not None:
+            joint, sign = self.pitch_joint
+            joints[joint] += sign * pitch
         return joints
 
 
 PANDA = ArmModel(
     name="panda",
     urdf="franka_panda/panda.urdf",
+    indices=tuple(range(7)),
     tip=11,
     lower=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
     upper=np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]),
@@ -78,6 +109,7 @@ PANDA = ArmModel(
 IIWA = ArmModel(
     name="iiwa",
     urdf="kuka_iiwa/model.urdf",
+    indices=tuple(range(7)),
     tip=6,
     lower=-np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
     upper=np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
@@ -89,31 +121,60 @@ IIWA = ArmModel(
     fingers=(),
     reach_centre=(0.60, 0.0, 0.60),
 )
-ARMS = {arm.name: arm for arm in (PANDA, IIWA)}
+XARM6 = ArmModel(
+    name="xarm6",
+    urdf="xarm/xarm6_robot.urdf",
+    indices=tuple(range(1, 7)),
+    tip=6,
+    lower=np.radians([-360.0, -118.0, -225.0, -360.0, -97.0, -360.0]),
+    upper=np.radians([360.0, 120.0, 11.0, 360.0, 180.0, 360.0]),
+    max_velocity=np.radians([180.0] * 6),
+    max_torque=np.array([50.0, 50.0, 32.0, 32.0, 32.0, 20.0]),
+    home=np.array([0.0, -0.35, -1.05, 0.0, 1.4 - math.pi / 2, 0.0]),
+    pitch_joint=(4, 1.0),
+    finger_axis=-1,
+    fingers=(),
+    reach_centre=(0.45, 0.0, 0.45),
+)
+ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}
 
 
 class ArmBody:
-    """One arm, fixed at the world's origin, alone in a DIRECT-mode Bullet world.
+    """One arm, fixed at the world's origin, alone in a Bullet world of its own.
 
     Usable as a context manager; the world ends with it.
     """
 
-    def __init__(self, model: ArmModel, base_yaw: float) -> None:
-        """Args: model; base_yaw: how far the base is turned about the vertical, [rad]."""
-        self.model = model
-        self.bullet = load_bullet()
-        import pybullet_data
+    def __init__(
+        self, model: ArmModel, base_yaw: float, *, shapes: Shapes = "all", gui: bool = False
+    ) -> None:
+        """Make the world.
 
-        self.client = self.bullet.connect(self.bullet.DIRECT)
-        self.body = self.bullet.loadURDF(
-            f"{pybullet_data.getDataPath()}/{model.urdf}",
+        Args:
+            model: The arm.
+            base_yaw: How far the base is turned about the vertical, [rad].
+            shapes: What of the arm can be seen and touched: ``all``, ``collision`` (Bullet computes inertias
+                from these), or ``none``, which loads thirty times as fast and is enough for kinematics.
+            gui: Show the world in a window (see ``gui``).
+        """
+        self.model = model
+        self.bullet = bullet = load_bullet()
+        self.client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
+        flags = {
+            "all": bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES,
+            "collision": bullet.URDF_IGNORE_VISUAL_SHAPES,
+            "none": bullet.URDF_IGNORE_VISUAL_SHAPES | bullet.URDF_IGNORE_COLLISION_SHAPES,
+        }
+        self.body = bullet.loadURDF(
+            str(model.path),
             baseOrientation=(0.0, 0.0, math.sin(base_yaw / 2), math.cos(base_yaw / 2)),
             useFixedBase=True,
-            flags=self.bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES,
+            flags=flags[shapes],
             physicsClientId=self.client,
         )
-        for joint, opening in model.fingers:
-            self.bullet.resetJointState(self.body, joint, opening, physicsClientId=self.client)
+        self._indices = list(model.indices)
+        for joint, place in model.others:
+            bullet.resetJointState(self.body, joint, place, physicsClientId=self.client)
 
     def __enter__(self) -> ArmBody:
         return self
@@ -126,10 +187,7 @@ class ArmBody:
     def pose(self, joints: FloatArray) -> None:
         """Put the arm's joints (n,) at these angles [rad], at rest."""
         self.bullet.resetJointStatesMultiDof(
-            self.body,
-            list(range(self.model.n_joints)),
-            [[angle] for angle in joints.tolist()],
-            physicsClientId=self.client,
+            self.body, self._indices, [[angle] for angle in joints.tolist()], physicsClientId=self.client
         )
 
     def hand(self) -> tuple[FloatArray, tuple[float, float, float, float]]:
@@ -158,34 +216,104 @@ class ArmState:
     torques: FloatArray
 
 
-class DrivenArm:
-    """An arm with position motors, gravity and time; torques never exceed the real arm's."""
+class LiveArm:
+    """An arm under gravity, in time, within the limits of the real one. What drives it is its subclasses'.
 
-    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
-        """Args: body, used by nobody else; joints: where it starts, at rest. Shape (n,), [rad]."""
-        self._body = body
-        self._indices = list(range(body.model.n_joints))
+    Bullet knows nothing of a joint's velocity limit and lets a hard push carry it past a position limit. So
+    after each step a joint that is too fast is held to its largest velocity, and one beyond its limit stands
+    at it: what the drives and the stops of a real arm do, whatever their strength.
+
+    Attributes:
+        period: Time that one step takes, [s].
+        push: Force at the hand, [N] in the world, shape (3,), in every step until it is set to None.
+    """
+
+    def __init__(self, body: ArmBody, joints: FloatArray, period: float) -> None:
+        """Args: body, moved by nobody else; joints: where it starts, at rest, (n,), [rad]; period, [s]."""
+        self.body = body
+        self.period = period
+        self.push: FloatArray | None = None
+        self._indices = list(body.model.indices)
+        self._lowest, self._highest = body.model.lower + STOP_MARGIN, body.model.upper - STOP_MARGIN
         bullet, client = body.bullet, body.client
         bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
-        bullet.setTimeStep(CONTROL_PERIOD, physicsClientId=client)
+        bullet.setTimeStep(period, physicsClientId=client)
         bullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
         body.pose(joints)
-        for joint, opening in body.model.fingers:
+        for joint, place in body.model.others:
             bullet.setJointMotorControl2(
                 body.body,
                 joint,
                 bullet.POSITION_CONTROL,
-                targetPosition=opening,
+                targetPosition=place,
                 force=FINGER_FORCE,
                 physicsClientId=client,
             )
+        self._state = self._measured()
 
     def state(self) -> ArmState:
         """Return the measured state."""
-        body = self._body
+        return self._state
+
+    def step(self) -> None:
+        """Let one period pass."""
+        body = self.body
+        if self.push is not None:  # Bullet forgets a force after each step
+            body.bullet.applyExternalForce(
+                body.body,
+                body.model.tip,
+                self.push.tolist(),
+                self._state.hand.tolist(),
+                body.bullet.WORLD_FRAME,
+                physicsClientId=body.client,
+            )
+        body.bullet.stepSimulation(physicsClientId=body.client)
+        self._state = self._measured()
+        if self._stopped():
+            self._state = self._measured(self._state.torques)
+
+    def _measured(self, torques: FloatArray | None = None) -> ArmState:
+        body = self.body
         joints = body.bullet.getJointStates(body.body, self._indices, physicsClientId=body.client)
+        angles, velocities, _, measured = zip(*joints, strict=True)
         hand, _ = body.hand()
-        return ArmState(hand, *(np.array([joint[field] for joint in joints]) for field in (0, 1, 3)))
+        return ArmState(
+            hand,
+            np.array(angles),
+            np.array(velocities),
+            np.array(measured) if torques is None else torques,
+        )
+
+    def _stopped(self) -> bool:
+        """Put joints that have passed a limit back to it; whether there were any."""
+        state, model = self._state, self.body.model
+        beyond = (state.joints < self._lowest) | (state.joints > self._highest)
+        too_fast = np.abs(state.velocities) > model.max_velocity
+        if not (beyond.any() or too_fast.any()):
+            return False
+        joints = np.clip(state.joints, self._lowest, self._highest)
+        velocities = np.clip(state.velocities, -model.max_velocity, model.max_velocity)
+        velocities[beyond] = 0.0
+        for i in np.flatnonzero(beyond | too_fast).tolist():
+            self.body.bullet.resetJointState(
+                self.body.body, self._indices[i], joints[i], velocities[i], physicsClientId=self.body.client
+            )
+        return True
+
+
+class DrivenArm(LiveArm):
+    """An arm with position motors; torques never exceed the real arm's.
+
+    A position motor is a velocity constraint: a push of 40 to 60 N moves nothing at all, and one that is too
+    strong for a joint's torque carries the arm away. Only ``TorqueArm`` yields in proportion.
+    """
+
+    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
+        """Args: body, moved by nobody else; joints: where it starts, at rest. Shape (n,), [rad]."""
+        super().__init__(body, joints, CONTROL_PERIOD)
+        n = body.model.n_joints
+        self._forces = body.model.max_torque.tolist()
+        self._gains = {"positionGains": [POSITION_GAIN] * n, "velocityGains": [VELOCITY_GAIN] * n}
 
     def drive(self, joints: FloatArray, goal: FloatArray) -> None:
         """Move from ``joints`` (n,), where the motors should be by now, to ``goal`` (n,) in one period.
@@ -193,17 +321,15 @@ class DrivenArm:
         A position motor adds its correction to the velocity it is told. Corrected towards the goal it
         would run ahead by one period; corrected towards where it should be now, it arrives in time.
         """
-        body = self._body
-        n = len(self._indices)
+        body = self.body
         body.bullet.setJointMotorControlArray(
             body.body,
             self._indices,
             body.bullet.POSITION_CONTROL,
             targetPositions=joints.tolist(),
             targetVelocities=((goal - joints) / CONTROL_PERIOD).tolist(),
-            forces=body.model.max_torque.tolist(),
-            positionGains=[POSITION_GAIN] * n,
-            velocityGains=[VELOCITY_GAIN] * n,
+            forces=self._forces,
             physicsClientId=body.client,
+            **self._gains,
         )
-        body.bullet.stepSimulation(physicsClientId=body.client)
+        self.step()

@@ -51,7 +51,8 @@ class Kinematics:
         self.model = model = body.model
         self.lower, self.upper = model.lower + LIMIT_MARGIN, model.upper - LIMIT_MARGIN
         self.home = model.home_joints(HAND_PITCH[hand])
-        self._damping = [DAMPING] * (model.n_joints + len(model.fingers))
+        self._damping = [DAMPING] * (model.n_joints + len(model.others))
+        self._columns = model.columns
 
     def forward(self, joints: FloatArray) -> FloatArray:
         """Return the hand's position (3,) for joints (n,)."""
@@ -115,7 +116,7 @@ class Kinematics:
             residualThreshold=IK_THRESHOLD,
             physicsClientId=body.client,
         )
-        clamped = np.clip(found[: body.model.n_joints], self.lower, self.upper)
+        clamped = np.clip([found[column] for column in self._columns], self.lower, self.upper)
         body.pose(clamped)
         return np.asarray(clamped)
 
