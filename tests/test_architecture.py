@@ -30,8 +30,8 @@ LINE_LIMIT = 420  # a module that needs more is two modules
 ONLY_IN = {
     "pybullet": {"simulation"},
     "pybullet_data": {"simulation"},
-    "h5py": {"store", "demonstrations"},
-    "pydantic": {"store"},
+    "h5py": {"store", "demonstrations", "simulation"},
+    "pydantic": {"store", "simulation"},
     "typer": {"cli"},
     "rich": {"cli"},
     "PIL": {"simulation", "plotting"},

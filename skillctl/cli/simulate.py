@@ -47,7 +47,7 @@ def simulate(
         ),
     ] = None,
     target: options.Target = None,
-    duration: Annotated[
+    max_duration: Annotated[
         float | None,
         typer.Option(
             metavar="S",
@@ -95,19 +95,19 @@ def simulate(
 
     The same command gives the same motion, bit for bit, on the same machine.
     """
-    from skillctl.simulation import SimulationOptions
+    from skillctl.simulation import Scenario
     from skillctl.usecases.simulate import simulate as simulate_skill
 
     output: Output = context.obj
-    chosen = SimulationOptions(
+    chosen = Scenario(
         arm=arm,
         start=start,
         target=target,
         plane=plane,
         scale=scale,
-        origin=origin,
+        origin=origin,  # type: ignore[arg-type]  # checked there
         hand=hand,
-        horizon=duration,
+        max_duration=max_duration,
     )
     with output.progress("simulating") as progress:
         report = simulate_skill(

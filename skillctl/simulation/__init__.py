@@ -4,19 +4,35 @@ Importing this room needs neither PyBullet nor Pillow; both are loaded when they
 """
 
 from skillctl.simulation.arm import ARMS
-from skillctl.simulation.episode import Episode, Metrics, Outcome, TimeSeries
-from skillctl.simulation.options import HANDS, PLANES, SimulationOptions
+from skillctl.simulation.episode import (
+    OUTCOMES,
+    PHASES,
+    SUCCESSES,
+    Episode,
+    Metrics,
+    Outcome,
+    RefusedError,
+    TimeSeries,
+)
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import HANDS, PLANES, Cup, Scenario, Shelf, Table
 
 __all__ = [
     "ARMS",
     "HANDS",
+    "OUTCOMES",
+    "PHASES",
     "PLANES",
+    "SUCCESSES",
+    "Cup",
     "Episode",
     "Metrics",
     "Outcome",
-    "SimulationOptions",
+    "RefusedError",
+    "Scenario",
+    "Shelf",
+    "Table",
     "TimeSeries",
     "encode_log",
     "simulate",

@@ -12,7 +12,7 @@ from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.episode import Outcome
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.motion import Motion, Plan
-from skillctl.simulation.options import SimulationOptions
+from skillctl.simulation.scenario import Scenario
 
 FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference yields
 FEEDBACK_RATE = 3.0  # [1/s]
@@ -77,12 +77,12 @@ class Judge:
     steps_near: int = 0
 
     @classmethod
-    def of(cls, plan: Plan, options: SimulationOptions) -> Judge:
+    def of(cls, plan: Plan, scenario: Scenario) -> Judge:
         """Return a judge of a motion that should go as planned."""
         distances = np.linalg.norm(plan.positions - plan.target, axis=1)
         planned = distances.max() if plan.arrived else distances[0]
         farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM
-        return cls(options.tolerance, math.ceil(options.settle_time / CONTROL_PERIOD), farthest)
+        return cls(scenario.tolerance, math.ceil(scenario.settle_time / CONTROL_PERIOD), farthest)
 
     def outcome(
         self, motion: Motion, hand: FloatArray, velocity: FloatArray, refusals: int

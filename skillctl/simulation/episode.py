@@ -1,21 +1,70 @@
-"""What happened in one simulated episode, and the figures that sum it up."""
+"""What happened in one simulated episode, and the figures that sum it up.
+
+An ``Episode`` holds the scenario it ran, the arm and placement chosen for it, the plan, a ``TimeSeries``
+with one row per control period (enough to draw every moment again: joints, fingers, cup), the
+``Metrics``, how it ended (``Outcome``), and for a failure what happened in words (``detail``).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.errors import GoalNotReachedError
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL, HandPolicy
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.scenario import Scenario
 
 SPACING = 1e-3  # [m]: paths are compared at this resolution
 
-Outcome: TypeAlias = Literal["reached", "timeout", "unreachable", "diverged"]
+Outcome: TypeAlias = Literal[
+    "reached",
+    "grasped",
+    "timeout",
+    "unreachable",
+    "joint_limit",
+    "diverged",
+    "shelf_contact",
+    "tipped",
+    "missed",
+    "dropped",
+    "start_collision",
+]
+"""How an episode ended. The first two are successes:
+
+- ``reached``: the hand stayed within the tolerance of the target for the settle time;
+- ``grasped``: the cup was lifted and held, and the arm never touched the scene.
+
+The others are failures:
+
+- ``timeout``: the longest duration came first;
+- ``unreachable``: no joints for where the hand should be, for a quarter of a second, or from the outset;
+- ``joint_limit``: the same, with a joint at its limit;
+- ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite;
+- ``shelf_contact``: the arm touched the scene;
+- ``tipped``: the cup fell over, or off its board, before the fingers closed;
+- ``missed``: the cup was not between both fingers when they had closed;
+- ``dropped``: the cup was not up, or not held, at the end;
+- ``start_collision``: the arm touches something where it starts.
+"""
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped")
+
+Phase: TypeAlias = Literal["approach", "close", "lift", "hold"]
+PHASES: tuple[Phase, ...] = get_args(Phase)
+
+
+class RefusedError(GoalNotReachedError):
+    """The episode cannot even begin; ``outcome`` is the class it counts under in a batch."""
+
+    def __init__(self, outcome: Outcome, message: str, *, hint: str = "") -> None:
+        super().__init__(message, hint=hint)
+        self.outcome = outcome
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,6 +78,13 @@ class TimeSeries:
         joints, velocities, torques: Measured, shape (T, n), [rad], [rad/s], [Nm].
         residuals: How far inverse kinematics missed the reference, shape (T,), [m].
         parts: Part of a combined skill that acted, shape (T,).
+        phases: Index in ``PHASES``, shape (T,).
+        targets: Where the true target was, shape (T, 3), [m]: with a cup its grasp point.
+        fingers: Position of each finger joint, shape (T, m), [m].
+        cups: Position and orientation q_xyzw of the cup's middle, shape (T, 7); NaN without a cup.
+        contacts: Number of points at which the arm touched the scene (not the cup), shape (T,).
+        clearances: Distance of arm and scene where it was measured, every eighth row; at other rows, and
+            without a scene, NaN. Shape (T,), [m]. Distances above 0.2 m count as 0.2 m.
     """
 
     times: FloatArray
@@ -39,23 +95,38 @@ class TimeSeries:
     torques: FloatArray
     residuals: FloatArray
     parts: IntArray
+    phases: IntArray
+    targets: FloatArray
+    fingers: FloatArray
+    cups: FloatArray
+    contacts: IntArray
+    clearances: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
     """The figures of one episode. NaN where there is none.
 
+    Distances to the target, tracking, deviation and path length are those of the approach; limits,
+    clearance, contacts and inverse kinematics are those of the whole episode.
+
     Attributes:
-        final_error: Distance from the hand to the target at the end, [m].
+        final_error: Distance from the hand to the target at the end of the approach, [m].
         time_to_target: When the hand came within the tolerance to stay, [s]; NaN if it never did.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
         path_ratio: Length of the hand's path over that of the ideal rollout; NaN if there was no way to go.
+        clearance: Smallest distance of arm and scene, [m]; negative if they penetrated.
         joint_margin: Smallest distance of any joint to its limit, [rad].
         velocity_ratio, torque_ratio: Largest measured |q̇| and |τ| over the real arm's limits.
+        joint_jump: Largest change of a joint in one control period, [rad].
         ik_residual: Largest inverse-kinematics residual, [m].
         ik_failures: Control periods whose residual was above 5 mm.
+        contacts: What touched what, each pair once, as in ``panda_hand - upper board``.
+        cup_moved: How far the cup was moved before the fingers closed, [m].
+        cup_rise: How far up it was at the end, [m].
+        grip_width: Distance of the fingers at the end, [m].
     """
 
     final_error: float
@@ -66,11 +137,17 @@ class Metrics:
     tracking_p95: float
     plan_deviation: float
     path_ratio: float
+    clearance: float
     joint_margin: float
     velocity_ratio: float
     torque_ratio: float
+    joint_jump: float
     ik_residual: float
     ik_failures: int
+    contacts: tuple[str, ...]
+    cup_moved: float
+    cup_rise: float
+    grip_width: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,18 +155,20 @@ class Episode:
     """One run of a skill on an arm.
 
     Attributes:
-        outcome: ``reached``: the hand stayed within the tolerance of the target; ``timeout``: the horizon
-            came first; ``unreachable``: no joints for the reference for a quarter of a second;
-            ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite.
-        arm, hand, base_yaw, placement: What the options, or their automatic choice, came to.
-        target: Workspace position the motion was going to, shape (3,), [m].
-        plan: The ideal rollout from the same start.
+        scenario: What was asked for.
+        outcome: How it ended.
+        detail: For a failure, what happened, as the end of a sentence; empty for a success.
+        arm, hand, base_yaw, placement: What the scenario, or the automatic choice, came to.
+        target: Workspace position the motion was going to at its end, shape (3,), [m].
+        plan: The ideal rollout from the same start, undisturbed.
         series: The measured motion.
         metrics: The figures.
         wall_seconds: What the simulation cost. The only thing here that differs between two runs.
     """
 
+    scenario: Scenario
     outcome: Outcome
+    detail: str
     arm: ArmModel
     hand: HandPolicy
     base_yaw: float
@@ -102,17 +181,31 @@ class Episode:
 
     @property
     def success(self) -> bool:
-        """Whether the target was reached."""
-        return self.outcome == "reached"
+        """Whether the target was reached, or the cup grasped."""
+        return self.outcome in SUCCESSES
 
 
-def measure(series: TimeSeries, plan: Plan, target: FloatArray, model: ArmModel, tolerance: float) -> Metrics:
-    """Return the figures of a motion (T ≥ 1 rows) towards ``target`` (3,) that followed ``plan``."""
-    tracking = np.linalg.norm(series.hand - series.reference, axis=1)
-    distances = np.linalg.norm(series.hand - target, axis=1)
+def measure(
+    series: TimeSeries, plan: Plan, model: ArmModel, tolerance: float, contacts: tuple[str, ...] = ()
+) -> Metrics:
+    """Return the figures of a motion (T ≥ 1 rows) that followed ``plan``.
+
+    Args:
+        series: What was measured.
+        plan: The ideal rollout.
+        model: The arm, for its limits.
+        tolerance: Distance to the target that counts as reached, [m].
+        contacts: What touched what, in words.
+    """
+    approach = series.phases == 0
+    hand = series.hand[approach]
+    tracking = np.linalg.norm(hand - series.reference[approach], axis=1)
+    distances = np.linalg.norm(hand - series.targets[approach], axis=1)
     margins = np.minimum(series.joints - model.lower, model.upper - series.joints)
     planned = thinned(plan.positions, SPACING)
     planned_length = path_length(plan.positions)
+    cup = series.cups[:, :3]
+    last = len(hand) - 1
     return Metrics(
         final_error=float(distances[-1]),
         time_to_target=_arrival(distances, tolerance),
@@ -120,14 +213,25 @@ def measure(series: TimeSeries, plan: Plan, target: FloatArray, model: ArmModel,
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
         tracking_p95=float(np.percentile(tracking, 95)),
-        plan_deviation=float(distances_to_path(thinned(series.hand, SPACING), planned).max()),
-        path_ratio=path_length(series.hand) / planned_length if planned_length > tolerance else np.nan,
+        plan_deviation=float(distances_to_path(thinned(hand, SPACING), planned).max()),
+        path_ratio=path_length(hand) / planned_length if planned_length > tolerance else np.nan,
+        clearance=_smallest(series.clearances),
         joint_margin=float(margins.min()),
         velocity_ratio=float((np.abs(series.velocities) / model.max_velocity).max()),
         torque_ratio=float((np.abs(series.torques) / model.max_torque).max()),
+        joint_jump=float(np.abs(np.diff(series.joints, axis=0)).max(initial=0.0)),
         ik_residual=float(series.residuals.max()),
         ik_failures=int((series.residuals > ACCEPTED_RESIDUAL).sum()),
+        contacts=contacts,
+        cup_moved=float(np.linalg.norm(cup[last] - cup[0])),
+        cup_rise=float(cup[-1, 2] - cup[0, 2]),
+        grip_width=float(series.fingers[-1].sum()) if series.fingers.shape[1] else np.nan,
     )
+
+
+def _smallest(values: FloatArray) -> float:
+    measured = values[np.isfinite(values)]
+    return float(measured.min()) if measured.size else np.nan
 
 
 def _arrival(distances: FloatArray, tolerance: float) -> float:

@@ -11,8 +11,8 @@ from skillctl.arrays import FloatArray
 from skillctl.model.controller import Controller
 from skillctl.model.skill import CombinedSkill, Skill, attractors_of
 from skillctl.simulation.arm import CONTROL_PERIOD
-from skillctl.simulation.options import SimulationOptions
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.scenario import Scenario
 
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
@@ -28,11 +28,11 @@ class Motion:
     trajectories and stays stable (Eq. 7, first half).
     """
 
-    def __init__(self, skill: Skill, placement: Placement, options: SimulationOptions) -> None:
-        """Args: skill, already moved to its target; placement; options, for the limits."""
+    def __init__(self, skill: Skill, placement: Placement, scenario: Scenario) -> None:
+        """Args: skill, already moved to its target; placement; scenario, for the limits."""
         self._skill = skill
         self._placement = placement
-        self._max_speed, self._max_acceleration = options.max_speed, options.max_acceleration
+        self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._controller = Controller(skill, CONTROL_PERIOD)
         self._goals = placement.to_workspace(attractors_of(skill))
         self._speed = 0.0
@@ -97,9 +97,9 @@ class Plan:
         return CONTROL_PERIOD * (len(self.positions) - 1)
 
 
-def plan_motion(skill: Skill, placement: Placement, options: SimulationOptions, start: FloatArray) -> Plan:
+def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: FloatArray) -> Plan:
     """Return the ideal motion from a workspace position (3,)."""
-    motion = Motion(skill, placement, options)
+    motion = Motion(skill, placement, scenario)
     position = start
     positions = [position]
     arrived = False
@@ -109,7 +109,7 @@ def plan_motion(skill: Skill, placement: Placement, options: SimulationOptions, 
         if not np.linalg.norm(position) < WORKSPACE_RADIUS:
             break
         positions.append(position)
-        if np.linalg.norm(motion.target(position) - position) < PLAN_ARRIVAL * options.tolerance:
+        if np.linalg.norm(motion.target(position) - position) < PLAN_ARRIVAL * scenario.tolerance:
             arrived = True
             break
     return Plan(np.stack(positions), motion.target(position), arrived)

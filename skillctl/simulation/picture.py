@@ -13,8 +13,8 @@ from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera, View
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.options import Plane
 from skillctl.simulation.overlay import Overlay
+from skillctl.simulation.scenario import Plane
 
 COLUMNS, ROWS = 3, 2
 TILE = (480, 400)
@@ -146,7 +146,7 @@ def _draw_header(draw: ImageDraw.ImageDraw, episode: Episode, title: str, width:
         "timeout": f"target not reached in {metrics.simulated_time:.1f} s, {missed} off",
         "unreachable": f"out of the arm's reach after {metrics.simulated_time:.1f} s",
         "diverged": f"diverged after {metrics.simulated_time:.1f} s",
-    }[episode.outcome]
+    }.get(episode.outcome, episode.detail or episode.outcome)
     colour = INK if episode.success else FAILURE
     left, right, middle = GUTTER + 4, width - GUTTER - 4, HEADER // 2
     name = title or f"{episode.arm.name} arm"

@@ -11,7 +11,7 @@ from skillctl.errors import UsageError
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill, attractors_of, density_of
 from skillctl.simulation.arm import ArmModel
-from skillctl.simulation.options import Plane, SimulationOptions
+from skillctl.simulation.scenario import Plane, Scenario
 
 PLACED_SIZE = 0.3  # [m], longest side of a motion that had to be scaled
 NATURAL_SIZES = (0.15, 0.45)  # [m]: a motion of this size is left as it is
@@ -56,7 +56,7 @@ class Placement:
         return np.asarray(self.scale * self.axes @ velocity - PLANE_RATE * outside)
 
 
-def placements(skill: Skill, model: ArmModel, options: SimulationOptions) -> list[Placement]:
+def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placement]:
     """Return where the skill may be placed, the best first; more than one only if the scale is free.
 
     Raises:
@@ -70,18 +70,18 @@ def placements(skill: Skill, model: ArmModel, options: SimulationOptions) -> lis
             hint="Simulate skills learned from hand positions: 2 or 3 coordinates in metres.",
         )
     if d == 3:
-        if options.plane is not None:
+        if scenario.plane is not None:
             raise UsageError("plane: this skill has three coordinates; a plane is for two.")
-        origin = np.zeros(3) if options.origin is None else np.array(options.origin)
-        return [Placement(np.eye(3), origin, options.scale or 1.0, None)]
-    plane = options.plane or _named_plane(skill)
+        origin = np.zeros(3) if scenario.origin is None else np.array(scenario.origin)
+        return [Placement(np.eye(3), origin, scenario.scale or 1.0, None)]
+    plane = scenario.plane or _named_plane(skill)
     axes = np.eye(3)[:, ["xyz".index(axis) for axis in plane]]
-    low, high = _box(skill, options)
-    if options.scale is not None:
-        scales = [options.scale]
+    low, high = _box(skill, scenario)
+    if scenario.scale is not None:
+        scales = [scenario.scale]
     else:
         scales = [factor * _natural_scale(float((high - low).max())) for factor in (1.0, 0.75, 0.5)]
-    return [_centred(axes, 0.5 * (low + high), scale, plane, model, options) for scale in scales]
+    return [_centred(axes, 0.5 * (low + high), scale, plane, model, scenario) for scale in scales]
 
 
 def _named_plane(skill: Skill) -> Plane:
@@ -99,13 +99,13 @@ def _natural_scale(size: float) -> float:
     return float(f"{PLACED_SIZE / size:.2g}")  # two digits, so that people can repeat it
 
 
-def _box(skill: Skill, options: SimulationOptions) -> tuple[FloatArray, FloatArray]:
+def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     """Return the corners (d,) of the box that holds the skill's motions, in its own coordinates."""
     density = density_of(skill)
     spread = DENSITY_REACH * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     points = [density.means - spread, density.means + spread, attractors_of(skill)]
-    if options.start is not None:
-        preview = rollout(skill, [options.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
+    if scenario.start is not None:
+        preview = rollout(skill, [scenario.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
         points.append(preview.positions[0])
     stacked = np.vstack(points)
     return stacked.min(axis=0), stacked.max(axis=0)
@@ -117,10 +117,10 @@ def _centred(
     scale: float,
     plane: Plane,
     model: ArmModel,
-    options: SimulationOptions,
+    scenario: Scenario,
 ) -> Placement:
-    if options.origin is not None:
-        return Placement(axes, np.array(options.origin), scale, plane)
+    if scenario.origin is not None:
+        return Placement(axes, np.array(scenario.origin), scale, plane)
     middle = np.array(model.reach_centre)
     if plane == "xy":
         middle[2] = TABLE_HEIGHT

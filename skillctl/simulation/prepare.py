@@ -12,10 +12,11 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.model.skill import Skill, attractors_of
 from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
+from skillctl.simulation.episode import RefusedError
 from skillctl.simulation.ik import HandPolicy, Kinematics, Solution
 from skillctl.simulation.motion import Plan, plan_motion
-from skillctl.simulation.options import SimulationOptions
 from skillctl.simulation.placement import Placement, placements
+from skillctl.simulation.scenario import Scenario
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
 TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
@@ -41,7 +42,7 @@ class Setup:
     plan: Plan
 
 
-def prepare(skill: Skill, options: SimulationOptions) -> Setup:
+def prepare(skill: Skill, scenario: Scenario) -> Setup:
     """Return the first placement and hand with which the arm can follow the whole plan.
 
     If there is none, the first whose start and target can be reached: the episode then shows where the
@@ -51,15 +52,15 @@ def prepare(skill: Skill, options: SimulationOptions) -> Setup:
         UsageError: See ``placements``.
         GoalNotReachedError: No choice lets the hand be both at the start and at the target.
     """
-    model = ARMS[options.arm]
+    model = ARMS[scenario.arm]
     fallback: Setup | None = None
-    for placement in placements(skill, model, options):
-        base_yaw = _facing(skill, placement) if options.base_yaw is None else options.base_yaw
+    for placement in placements(skill, model, scenario):
+        base_yaw = _facing(skill, placement) if scenario.base_yaw is None else scenario.base_yaw
         with ArmBody(model, base_yaw) as body:
-            for hand in _hands(placement, options):
+            for hand in _hands(placement, scenario):
                 kinematics = Kinematics(body, hand, base_yaw)
                 try:
-                    joints, plan = _start_and_plan(skill, placement, kinematics, options)
+                    joints, plan = _start_and_plan(skill, placement, kinematics, scenario)
                 except GoalNotReachedError as error:
                     refusal = error
                     continue
@@ -72,9 +73,9 @@ def prepare(skill: Skill, options: SimulationOptions) -> Setup:
     return fallback
 
 
-def _hands(placement: Placement, options: SimulationOptions) -> Sequence[HandPolicy]:
-    if options.hand is not None:
-        return (options.hand,)
+def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
+    if scenario.hand is not None:
+        return (scenario.hand,)
     return TABLE_HANDS if placement.plane == "xy" else UPRIGHT_HANDS
 
 
@@ -85,24 +86,25 @@ def _facing(skill: Skill, placement: Placement) -> float:
 
 
 def _start_and_plan(
-    skill: Skill, placement: Placement, kinematics: Kinematics, options: SimulationOptions
+    skill: Skill, placement: Placement, kinematics: Kinematics, scenario: Scenario
 ) -> tuple[FloatArray, Plan]:
     joints = kinematics.home
-    if options.start is not None:
-        point = placement.to_workspace(np.array(options.start))
-        joints = _required("start", point, kinematics.search(point, options.seed), options)
-    plan = plan_motion(skill, placement, options, kinematics.forward(joints))
-    _required("target", plan.target, kinematics.search(plan.target, options.seed), options)
+    if scenario.start is not None:
+        point = placement.to_workspace(np.array(scenario.start))
+        joints = _required("start", point, kinematics.search(point, scenario.seed), scenario)
+    plan = plan_motion(skill, placement, scenario, kinematics.forward(joints))
+    _required("target", plan.target, kinematics.search(plan.target, scenario.seed), scenario)
     return joints, plan
 
 
-def _required(name: str, point: FloatArray, found: Solution, options: SimulationOptions) -> FloatArray:
+def _required(name: str, point: FloatArray, found: Solution, scenario: Scenario) -> FloatArray:
     if found.accepted:
         return found.joints
     x, y, z = point
-    raise GoalNotReachedError(
+    raise RefusedError(
+        "unreachable",
         f"unreachable: the {name} ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside the workspace of the "
-        f"{options.arm} arm; the closest posture found leaves the hand {1e3 * found.residual:.0f} mm away.",
+        f"{scenario.arm} arm; the closest posture found leaves the hand {1e3 * found.residual:.0f} mm away.",
         hint=f"Choose another --{name}, or move the whole skill with --origin.",
     )
 

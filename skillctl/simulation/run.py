@@ -18,8 +18,8 @@ from skillctl.simulation.control import Follower, Judge
 from skillctl.simulation.episode import Episode, Outcome, TimeSeries, measure
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.motion import Motion
-from skillctl.simulation.options import SimulationOptions
 from skillctl.simulation.prepare import Setup, prepare
+from skillctl.simulation.scenario import Scenario
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
 PROGRESS_STEPS = 24  # control periods between two reports
@@ -27,7 +27,7 @@ PROGRESS_STEPS = 24  # control periods between two reports
 Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
 
-def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | None = None) -> Episode:
+def simulate(skill: Skill, scenario: Scenario, *, progress: Progress | None = None) -> Episode:
     """Return what happens when an arm moves its hand as the skill says, in simulation.
 
     Every control period the reference moves with the skill's velocity at the *measured* hand position,
@@ -37,7 +37,7 @@ def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | N
 
     Args:
         skill: Any skill over hand positions in two or three dimensions.
-        options: Arm, placement, start, target, limits.
+        scenario: Arm, placement, start, target, limits.
         progress: Called every tenth of a simulated second.
 
     Raises:
@@ -46,22 +46,24 @@ def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | N
         GoalNotReachedError: Start or target lies where the arm's hand cannot be.
     """
     began = time.perf_counter()
-    if options.start is not None and len(options.start) != skill.dimension:
-        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(options.start)}.")
-    if options.target is not None:
-        skill = retargeted(skill, options.target)
+    if scenario.start is not None and len(scenario.start) != skill.dimension:
+        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
+    if scenario.target is not None and scenario.target != "cup":
+        skill = retargeted(skill, scenario.target)
     with silenced(1):
-        setup = prepare(skill, options)
+        setup = prepare(skill, scenario)
         model, plan = setup.model, setup.plan
-        motion = Motion(skill, setup.placement, options)
+        motion = Motion(skill, setup.placement, scenario)
         with ArmBody(model, setup.base_yaw) as twin, ArmBody(model, setup.base_yaw) as body:
             kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
             outcome, series = _drive(
-                setup, kinematics, DrivenArm(body, setup.joints), motion, options, progress
+                setup, kinematics, DrivenArm(body, setup.joints), motion, scenario, progress
             )
     target = motion.target(series.hand[-1])
     return Episode(
+        scenario=scenario,
         outcome=outcome,
+        detail="" if outcome == "reached" else outcome,
         arm=model,
         hand=setup.hand,
         base_yaw=setup.base_yaw,
@@ -69,7 +71,7 @@ def simulate(skill: Skill, options: SimulationOptions, *, progress: Progress | N
         target=target,
         plan=plan,
         series=series,
-        metrics=measure(series, plan, target, model, options.tolerance),
+        metrics=measure(series, plan, model, scenario.tolerance),
         wall_seconds=time.perf_counter() - began,
     )
 
@@ -79,11 +81,11 @@ def _drive(
     kinematics: Kinematics,
     arm: DrivenArm,
     motion: Motion,
-    options: SimulationOptions,
+    scenario: Scenario,
     progress: Progress | None,
 ) -> tuple[Outcome, TimeSeries]:
-    horizon = _horizon(setup, options)
-    judge, log = Judge.of(setup.plan, options), _Log()
+    horizon = _horizon(setup, scenario)
+    judge, log = Judge.of(setup.plan, scenario), _Log()
     follower = Follower(kinematics, setup.joints)
     outcome: Outcome | None = None
     for step in range(math.ceil(horizon / CONTROL_PERIOD) + 1):
@@ -98,12 +100,13 @@ def _drive(
         arm.drive(joints, follower.joints)
         if progress is not None and step % PROGRESS_STEPS == 0:
             progress(step * CONTROL_PERIOD, horizon)
+    log.target = motion.target(state.hand)
     return outcome or "timeout", log.series()
 
 
-def _horizon(setup: Setup, options: SimulationOptions) -> float:
-    if options.horizon is not None:
-        return options.horizon
+def _horizon(setup: Setup, scenario: Scenario) -> float:
+    if scenario.max_duration is not None:
+        return scenario.max_duration
     if not setup.plan.arrived:
         return setup.plan.duration
     return HORIZON_FACTOR * setup.plan.duration + HORIZON_SLACK
@@ -114,13 +117,21 @@ class _Log:
     """Collects rows, and turns them into a time series."""
 
     rows: list[tuple[int, ArmState, FloatArray, float, int]] = field(default_factory=list)
+    target: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def add(self, step: int, state: ArmState, follower: Follower, part: int) -> None:
         self.rows.append((step, state, follower.reference, follower.residual, part))
 
     def series(self) -> TimeSeries:
         steps, states, references, residuals, parts = zip(*self.rows, strict=True)
+        count = len(steps)
         return TimeSeries(
+            phases=np.zeros(count, dtype=np.int64),
+            targets=np.tile(self.target, (count, 1)),
+            fingers=np.zeros((count, 0)),
+            cups=np.full((count, 7), np.nan),
+            contacts=np.zeros(count, dtype=np.int64),
+            clearances=np.full(count, np.nan),
             times=CONTROL_PERIOD * np.array(steps, dtype=np.float64),
             reference=np.stack(references),
             hand=np.stack([state.hand for state in states]),

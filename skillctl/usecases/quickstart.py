@@ -12,7 +12,7 @@ from pathlib import Path
 from skillctl.demonstrations import write_csv
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
 from skillctl.errors import NotFoundError, UsageError
-from skillctl.simulation import SimulationOptions
+from skillctl.simulation import Scenario
 from skillctl.stability import Verdict
 from skillctl.usecases.combine import CombineOptions, combine
 from skillctl.usecases.evaluate import mean_dtw
@@ -156,10 +156,9 @@ class _Session:
             picture = PICTURE if name == SHELF else None
             drawn = ("--picture", str(picture)) if picture else ()
             self.say("skillctl simulate", name, "--start", _typed(START), *drawn)
-            options = SimulationOptions(start=START)
             try:
                 self.episodes[name] = simulate(
-                    name, options, picture=picture, store=STORE, progress=self.progress
+                    name, Scenario(start=START), picture=picture, store=STORE, progress=self.progress
                 )
             except NotFoundError as error:  # without a simulator everything else still stands
                 self.commands.pop()

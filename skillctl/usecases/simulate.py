@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl import simulation
 from skillctl.errors import UsageError
 from skillctl.model.skill import attractors_of
-from skillctl.simulation import Episode, Metrics, Outcome, SimulationOptions
+from skillctl.simulation import Episode, Metrics, Outcome, Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
@@ -54,7 +54,7 @@ class SimulateReport:
 
 def simulate(
     reference: str | Path,
-    options: SimulationOptions | None = None,
+    scenario: Scenario | None = None,
     *,
     demo: int | None = None,
     log: Path | None = None,
@@ -66,7 +66,7 @@ def simulate(
 
     Args:
         reference: The skill.
-        options: Arm, placement, start, target, limits.
+        scenario: Arm, placement, start, target, limits.
         demo: Start where this embedded demonstration starts, counted from 0; if the target is moved, as far
             from it as the demonstration was.
         log: Write the time series there, as CSV.
@@ -80,13 +80,13 @@ def simulate(
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store)
-    options = options or SimulationOptions()
+    scenario = scenario or Scenario()
     if demo is not None:
-        options = replace(options, start=_start_of(demo, source, options))
+        scenario = scenario.changed(start=_start_of(demo, source, scenario))
     _require_directories(log, picture)
     episode = simulation.simulate(
         source.skill,
-        options,
+        scenario,
         progress=None
         if progress is None
         else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
@@ -134,9 +134,9 @@ def _notes(source: Source) -> tuple[str, ...]:
     )
 
 
-def _start_of(demo: int, source: Source, options: SimulationOptions) -> tuple[float, ...]:
+def _start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...]:
     """Return where an embedded demonstration starts, moved as the target is."""
-    if options.start is not None:
+    if scenario.start is not None:
         raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
     starts = [
         motion.positions[0]
@@ -150,8 +150,9 @@ def _start_of(demo: int, source: Source, options: SimulationOptions) -> tuple[fl
             hint="`skillctl inspect` lists them; --start gives a start in numbers.",
         )
     start = starts[demo]
-    if options.target is not None and len(options.target) == len(start):
-        start = start + (options.target - attractors_of(source.skill)[0])
+    target = scenario.target
+    if target is not None and target != "cup" and len(target) == len(start):
+        start = start + (target - attractors_of(source.skill)[0])
     return tuple(start.tolist())
 
 

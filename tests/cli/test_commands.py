@@ -230,7 +230,7 @@ def test_a_simulation_that_cannot_be_is_refused(run, library, arguments, code, w
 
 @needs_pybullet
 def test_a_goal_not_reached_is_an_answer_with_exit_code_one(run, library):
-    result = run("simulate", "reach", "--demo", "0", "--duration", "0.2", "--store", library)
+    result = run("simulate", "reach", "--demo", "0", "--max-duration", "0.2", "--store", library)
     assert result.exit_code == 1
     assert "timeout" in result.stdout
 

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from skillctl.errors import NotFoundError
-from skillctl.simulation import SimulationOptions, simulate
+from skillctl.simulation import Scenario, simulate
 from skillctl.simulation.bullet import load_bullet, silenced
 
 
@@ -19,7 +19,7 @@ def test_without_pybullet_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)  # as if it were not installed
     with pytest.raises(NotFoundError, match="PyBullet is not installed") as refusal:
-        simulate(linear((0.5, 0.0, 0.5)), SimulationOptions())  # type: ignore[operator]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario())  # type: ignore[operator]
     assert "pip install 'skillctl[sim]'" in refusal.value.hint
     assert "\n" not in str(refusal.value) + refusal.value.hint
 
@@ -66,11 +66,11 @@ def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -
     )
     code = """
 import ctypes
-from skillctl.simulation import SimulationOptions, simulate
+from skillctl.simulation import Scenario, simulate
 from skillctl.simulation.bullet import load_bullet, silenced
 from tests_skill import skill
 print("first", flush=True)
-simulate(skill, SimulationOptions(horizon=0.1))
+simulate(skill, Scenario(max_duration=0.1))
 bullet = load_bullet()
 with silenced(1):
     client = bullet.connect(bullet.DIRECT)

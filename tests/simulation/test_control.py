@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skillctl.simulation import SimulationOptions
+from skillctl.simulation import Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.control import Follower, Judge
 from skillctl.simulation.ik import Solution
@@ -73,13 +73,13 @@ def test_the_reference_yields_to_a_hand_that_was_pushed(follower: Follower) -> N
 @pytest.fixture
 def motion(linear: object) -> Motion:
     skill = linear((0.0, 0.0, 0.0))  # type: ignore[operator]
-    return Motion(skill, Placement(np.eye(3), np.zeros(3), 1.0, None), SimulationOptions())
+    return Motion(skill, Placement(np.eye(3), np.zeros(3), 1.0, None), Scenario())
 
 
 @pytest.fixture
 def judge() -> Judge:
     plan = Plan(np.array([[0.3, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(3), True)
-    return Judge.of(plan, SimulationOptions(settle_time=3 * CONTROL_PERIOD))
+    return Judge.of(plan, Scenario(settle_time=3 * CONTROL_PERIOD))
 
 
 NEAR, FAR = np.array([0.0, 0.0019, 0.0]), np.array([0.0, 0.0021, 0.0])

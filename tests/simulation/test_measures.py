@@ -23,6 +23,12 @@ def series_of(hand: np.ndarray, **changed: np.ndarray) -> TimeSeries:
         "torques": joints,
         "residuals": np.zeros(rows),
         "parts": np.zeros(rows, dtype=np.int64),
+        "phases": np.zeros(rows, dtype=np.int64),
+        "targets": np.tile(TARGET, (rows, 1)),
+        "fingers": np.zeros((rows, 0)),
+        "cups": np.full((rows, 7), np.nan),
+        "contacts": np.zeros(rows, dtype=np.int64),
+        "clearances": np.full(rows, np.nan),
     }
     return TimeSeries(**{**fields, **changed})
 
@@ -58,7 +64,7 @@ def test_thinning_keeps_both_ends_and_the_length() -> None:
 
 def test_figures_of_a_hand_that_reaches_the_target_late() -> None:
     hand = line(0.3, 0.0, 0.2, 0.0015, 0.001)
-    figures = measure(series_of(hand), PLAN, TARGET, IIWA, tolerance=0.002)
+    figures = measure(series_of(hand), PLAN, IIWA, tolerance=0.002)
     assert figures.final_error == 0.001
     assert figures.time_to_target == 3 * CONTROL_PERIOD  # the visit at the second row was not the arrival
     assert figures.simulated_time == 4 * CONTROL_PERIOD
@@ -68,7 +74,7 @@ def test_figures_of_a_hand_that_reaches_the_target_late() -> None:
 
 
 def test_a_target_not_kept_has_no_arrival_time() -> None:
-    figures = measure(series_of(line(0.3, 0.0, 0.1)), PLAN, TARGET, IIWA, tolerance=0.002)
+    figures = measure(series_of(line(0.3, 0.0, 0.1)), PLAN, IIWA, tolerance=0.002)
     assert np.isnan(figures.time_to_target)
 
 
@@ -76,7 +82,7 @@ def test_tracking_and_deviation_are_told_apart() -> None:
     hand = line(0.3, 0.2, 0.1, 0.0) + np.array([0.0, 0.004, 0.0])
     reference = hand.copy()
     reference[-1, 2] += 0.002
-    figures = measure(series_of(hand, reference=reference), PLAN, TARGET, IIWA, tolerance=0.005)
+    figures = measure(series_of(hand, reference=reference), PLAN, IIWA, tolerance=0.005)
     assert figures.plan_deviation == pytest.approx(0.004, rel=8 * EPS)
     assert figures.tracking_median == 0
     assert figures.tracking_rmse == pytest.approx(0.001, rel=1e3 * EPS)  # √(0.002² / 4); 0.502 − 0.5 rounds
@@ -92,7 +98,7 @@ def test_ratios_are_to_the_real_arm_and_its_weakest_joint() -> None:
     series = series_of(
         hand, velocities=velocities, torques=torques, joints=joints, residuals=np.array([0, 0.006])
     )
-    figures = measure(series, PLAN, TARGET, IIWA, tolerance=0.002)
+    figures = measure(series, PLAN, IIWA, tolerance=0.002)
     assert figures.velocity_ratio == 1
     assert figures.torque_ratio == 0.5
     assert figures.joint_margin == pytest.approx(0.25, abs=4 * EPS)

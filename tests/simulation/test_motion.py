@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from skillctl.model import CombinedSkill, Controller, SedsSkill
-from skillctl.simulation import SimulationOptions
+from skillctl.simulation import Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.motion import Motion, plan_motion
 from skillctl.simulation.placement import Placement
@@ -20,7 +20,7 @@ def speeds_of(positions: np.ndarray) -> np.ndarray:
 
 
 def test_the_plan_keeps_to_speed_and_acceleration(linear: object) -> None:
-    rate, options = 8.0, SimulationOptions()
+    rate, options = 8.0, Scenario()
     skill = linear((0.5, 0.0, 0.5), rate=rate)  # type: ignore[operator]
 
     plan = plan_motion(skill, HERE, options, np.array([0.2, -0.4, 0.8]))
@@ -39,7 +39,7 @@ def test_limits_change_the_timing_and_not_the_path(reach: SedsSkill) -> None:
     start = np.array([0.42, -0.20, 0.45])
     free = solve_ivp(lambda _, x: reach.velocity(x), (0, 10), start, rtol=1e-9, atol=1e-12, max_step=0.005)
 
-    plan = plan_motion(reach, HERE, SimulationOptions(max_speed=0.15), start)
+    plan = plan_motion(reach, HERE, Scenario(max_speed=0.15), start)
 
     gaps = np.linalg.norm(plan.positions[::5, None] - free.y.T[None], axis=2).min(axis=1)
     one_step = 0.15 * CONTROL_PERIOD  # Euler's path is off by less than a step, as every step contracts
@@ -49,7 +49,7 @@ def test_limits_change_the_timing_and_not_the_path(reach: SedsSkill) -> None:
 
 def test_a_2d_skill_moves_at_its_scale_and_into_its_plane(stroke: SedsSkill) -> None:
     placement = Placement(np.eye(3)[:, [1, 2]], np.array([0.5, 0.0, 0.5]), 3.0, "yz")
-    plan = plan_motion(stroke, placement, SimulationOptions(), np.array([0.4, -0.2, 0.6]))
+    plan = plan_motion(stroke, placement, Scenario(), np.array([0.4, -0.2, 0.6]))
     assert plan.arrived
     assert plan.target == pytest.approx([0.5, 0.0, 0.5], abs=EPS)
     assert plan.positions[-1] == pytest.approx(plan.target, abs=5e-4)  # a quarter of the tolerance
@@ -59,7 +59,7 @@ def test_a_2d_skill_moves_at_its_scale_and_into_its_plane(stroke: SedsSkill) -> 
 
 def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: object) -> None:
     skill = linear((0.5, 0.0, 0.5), rate=-1.0)  # type: ignore[operator]
-    plan = plan_motion(skill, HERE, SimulationOptions(), np.array([0.4, 0.0, 0.5]))
+    plan = plan_motion(skill, HERE, Scenario(), np.array([0.4, 0.0, 0.5]))
     assert not plan.arrived
 
 
@@ -73,14 +73,14 @@ def test_a_capped_command_is_not_a_disturbance(linear: object, scale: float) -> 
 
     placement = Placement(np.eye(3), np.zeros(3), scale, None)
 
-    plan = plan_motion(skill, placement, SimulationOptions(), scale * np.array([0.5, 0.0, 0.0]))
+    plan = plan_motion(skill, placement, Scenario(), scale * np.array([0.5, 0.0, 0.0]))
 
     assert plan.arrived
     assert (plan.positions[:, 1:] == 0).all()  # the waiting part would turn off to y = 0.5
 
 
 def test_after_a_shortened_step_the_hand_speeds_up_from_there(linear: object) -> None:
-    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, SimulationOptions())  # type: ignore[operator]
+    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())  # type: ignore[operator]
     far = np.zeros(3)
     step = 1.5 * CONTROL_PERIOD  # what the acceleration adds in a period, [m/s]
     for count in range(1, 11):

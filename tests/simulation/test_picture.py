@@ -12,22 +12,22 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.model import SedsSkill
-from skillctl.simulation import ARMS, Episode, SimulationOptions, simulate
+from skillctl.simulation import ARMS, Episode, Scenario, simulate
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.picture import TARGET, TILE, TRAIL, encode_picture
 from skillctl.simulation.recording import encode_log
 
-OPTIONS = SimulationOptions(start=(0.42, -0.20, 0.45))
+OPTIONS = Scenario(start=(0.42, -0.20, 0.45))
 
 # Another process: its own hash seed, and another episode before the one that counts.
 ELSEWHERE = """
 import pickle, sys
-from skillctl.simulation import SimulationOptions, simulate
+from skillctl.simulation import Scenario, simulate
 from skillctl.simulation.picture import encode_picture
 from skillctl.simulation.recording import encode_log
 skill, options = pickle.load(sys.stdin.buffer)
-simulate(skill, SimulationOptions(arm="iiwa", horizon=0.5))
+simulate(skill, Scenario(arm="iiwa", max_duration=0.5))
 episode = simulate(skill, options)
 pickle.dump((encode_log(episode), encode_picture(episode, title="reach")), sys.stdout.buffer)
 """
@@ -94,7 +94,7 @@ def test_two_processes_give_the_same_bytes(episode: Episode, sheet: bytes, reach
 
 def test_an_episode_that_went_nowhere_has_a_picture(linear: object) -> None:
     skill = linear((0.5, 0.0, 0.5))  # type: ignore[operator]
-    episode = simulate(skill, SimulationOptions(start=(0.5, 0.0, 0.5), settle_time=0.01, horizon=0.004))
+    episode = simulate(skill, Scenario(start=(0.5, 0.0, 0.5), settle_time=0.01, max_duration=0.004))
     with Image.open(io.BytesIO(encode_picture(episode))) as image:
         assert image.size == (1472, 868)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill, StateSpace
-from skillctl.simulation import ARMS, SimulationOptions
+from skillctl.simulation import ARMS, Scenario
 from skillctl.simulation.placement import Placement, placements
 
 PANDA = ARMS["panda"]
@@ -16,7 +16,7 @@ metres = st.floats(-1, 1, width=16)
 
 
 def placed(skill: SedsSkill, **options: object) -> Placement:
-    return placements(skill, PANDA, SimulationOptions(**options))[0]  # type: ignore[arg-type]
+    return placements(skill, PANDA, Scenario(**options))[0]  # type: ignore[arg-type]
 
 
 @given(x=metres, y=metres, scale=st.floats(0.5, 4, width=16))

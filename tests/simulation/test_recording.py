@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from skillctl.simulation import ARMS, Episode, TimeSeries, encode_log
+from skillctl.simulation import ARMS, Episode, Scenario, TimeSeries, encode_log
 from skillctl.simulation.episode import measure
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
@@ -18,10 +18,24 @@ def episode() -> Episode:
     generator = np.random.default_rng(0)
     arm = ARMS["panda"]
     points, joints = generator.normal(size=(2, 5, 3)), generator.normal(size=(3, 5, arm.n_joints))
-    series = TimeSeries(np.arange(5) / 240, *points, *joints, generator.random(5), np.array([0, 0, 1, 1, 1]))
+    series = TimeSeries(
+        np.arange(5) / 240,
+        *points,
+        *joints,
+        generator.random(5),
+        np.array([0, 0, 1, 1, 1]),
+        phases=np.array([0, 0, 1, 2, 3]),
+        targets=generator.random((5, 3)),
+        fingers=generator.random((5, 2)),
+        cups=generator.random((5, 7)),
+        contacts=np.array([0, 0, 0, 2, 1]),
+        clearances=np.array([0.1, np.nan, np.nan, np.nan, -0.002]),
+    )
     plan = Plan(points[0], points[0, -1], True)
     return Episode(
+        scenario=Scenario(),
         outcome="timeout",
+        detail="",
         arm=arm,
         hand="free",
         base_yaw=0.0,
@@ -29,7 +43,7 @@ def episode() -> Episode:
         target=plan.target,
         plan=plan,
         series=series,
-        metrics=measure(series, plan, plan.target, arm, 2e-3),
+        metrics=measure(series, plan, arm, 2e-3),
         wall_seconds=1.0,
     )
 

@@ -12,7 +12,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.errors import GoalNotReachedError, UsageError
 from skillctl.model import CombinedSkill, SedsSkill
-from skillctl.simulation import ARMS, Episode, SimulationOptions, simulate
+from skillctl.simulation import ARMS, Episode, Scenario, simulate
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, DrivenArm
 
 MakeLinear = Callable[..., SedsSkill]
@@ -26,7 +26,7 @@ def episode(request: pytest.FixtureRequest, reach: SedsSkill, stroke: SedsSkill)
     """The episodes that most rules are checked on: both arms, a 3-D and a 2-D skill, from a given start."""
     arm, dimension = request.param
     skill = reach if dimension == 3 else stroke
-    return simulate(skill, SimulationOptions(arm=arm, start=STARTS[dimension]))
+    return simulate(skill, Scenario(arm=arm, start=STARTS[dimension]))
 
 
 def test_the_target_is_reached_and_the_reference_followed(episode: Episode) -> None:
@@ -73,7 +73,7 @@ def test_the_episode_ends_after_the_hand_has_settled(episode: Episode) -> None:
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_a_hand_faster_than_the_joints_is_slowed_down_on_its_path(arm: str, linear: MakeLinear) -> None:
-    options = SimulationOptions(arm=arm, start=(0.5, -0.3, 0.5), max_speed=3.0, max_acceleration=10.0)
+    options = Scenario(arm=arm, start=(0.5, -0.3, 0.5), max_speed=3.0, max_acceleration=10.0)
     episode = simulate(linear((0.5, 0.3, 0.5), rate=20.0), options)
     assert episode.success
     assert 0.9 < episode.metrics.velocity_ratio <= 1
@@ -91,14 +91,14 @@ def test_motors_give_no_more_torque_than_the_real_arm() -> None:
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_without_a_start_the_motion_begins_at_the_ready_posture(arm: str, linear: MakeLinear) -> None:
-    episode = simulate(linear((0.5, 0.2, 0.5)), SimulationOptions(arm=arm))
+    episode = simulate(linear((0.5, 0.2, 0.5)), Scenario(arm=arm))
     assert episode.success
     pitch = {"horizontal": 0.25, "down": math.pi / 2}[episode.hand]
     assert episode.series.joints[0] == pytest.approx(ARMS[arm].home_joints(pitch), abs=1e-12)
 
 
 def test_from_outside_its_plane_a_2d_skill_ends_in_it(stroke: SedsSkill) -> None:
-    episode = simulate(stroke, SimulationOptions(plane="yz", origin=(0.55, 0.0, 0.55), scale=4.0))
+    episode = simulate(stroke, Scenario(plane="yz", origin=(0.55, 0.0, 0.55), scale=4.0))
     assert episode.success
     assert abs(episode.series.hand[0, 0] - 0.55) > 0.05
     assert episode.series.hand[-1, 0] == pytest.approx(0.55, abs=2e-3)
@@ -106,14 +106,14 @@ def test_from_outside_its_plane_a_2d_skill_ends_in_it(stroke: SedsSkill) -> None
 
 def test_a_moved_target_is_where_the_hand_ends(linear: MakeLinear) -> None:
     target = (0.55, -0.25, 0.45)
-    episode = simulate(linear((0.5, 0.2, 0.5)), SimulationOptions(target=target))
+    episode = simulate(linear((0.5, 0.2, 0.5)), Scenario(target=target))
     assert (episode.target == target).all()
     assert episode.success
     assert np.linalg.norm(episode.series.hand[-1] - target) < 2e-3
 
 
 def test_the_base_turns_to_a_target_behind_it(linear: MakeLinear) -> None:
-    episode = simulate(linear((-0.5, 0.1, 0.5)), SimulationOptions())
+    episode = simulate(linear((-0.5, 0.1, 0.5)), Scenario())
     assert episode.base_yaw == math.pi
     assert episode.success
 
@@ -122,7 +122,7 @@ def test_a_latched_skill_ends_where_its_start_says(linear: MakeLinear) -> None:
     left, right = linear((0.5, 0.3, 0.5), rate=20.0), linear((0.5, -0.3, 0.5), rate=20.0)
     skill = CombinedSkill((left, right), np.array([0.5, 0.5]), disturbance_distance=0.005)
     for sign, part in ((1, 0), (-1, 1)):
-        episode = simulate(skill, SimulationOptions(start=(0.45, sign * 0.02, 0.6)))
+        episode = simulate(skill, Scenario(start=(0.45, sign * 0.02, 0.6)))
         assert episode.success
         assert (episode.series.parts == part).all()
         assert (episode.target == skill.parts[part].attractor).all()
@@ -133,13 +133,13 @@ def test_what_lies_outside_the_workspace_is_refused_before_the_run(where: str, l
     with pytest.raises(
         GoalNotReachedError, match=rf"unreachable: the {where} \(2\.000, 0\.000, 0\.500\)"
     ) as refusal:
-        simulate(linear((0.5, 0.0, 0.5)), SimulationOptions(**{where: (2.0, 0.0, 0.5)}))  # type: ignore[arg-type]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{where: (2.0, 0.0, 0.5)}))  # type: ignore[arg-type]
     assert f"--{where}" in refusal.value.hint
 
 
 def test_a_way_that_cannot_be_followed_ends_unreachable(linear: MakeLinear) -> None:
     skill = linear((-0.4, 0.0, 0.3))  # straight through the arm's own base
-    episode = simulate(skill, SimulationOptions(arm="iiwa", start=(0.5, 0.0, 0.3), base_yaw=0.0))
+    episode = simulate(skill, Scenario(arm="iiwa", start=(0.5, 0.0, 0.3), base_yaw=0.0))
     assert episode.outcome == "unreachable"
     assert not episode.success
     assert math.isnan(episode.metrics.time_to_target)
@@ -147,12 +147,12 @@ def test_a_way_that_cannot_be_followed_ends_unreachable(linear: MakeLinear) -> N
 
 
 def test_a_skill_that_is_not_stable_diverges(linear: MakeLinear) -> None:
-    episode = simulate(linear((0.5, 0.05, 0.5), rate=-0.5), SimulationOptions(start=(0.45, 0.0, 0.5)))
+    episode = simulate(linear((0.5, 0.05, 0.5), rate=-0.5), Scenario(start=(0.45, 0.0, 0.5)))
     assert episode.outcome == "diverged"
 
 
 def test_the_horizon_ends_an_episode(linear: MakeLinear) -> None:
-    episode = simulate(linear((0.5, 0.05, 0.5)), SimulationOptions(horizon=0.25))
+    episode = simulate(linear((0.5, 0.05, 0.5)), Scenario(max_duration=0.25))
     assert episode.outcome == "timeout"
     assert episode.metrics.simulated_time == pytest.approx(0.25, abs=CONTROL_PERIOD)
 
@@ -160,14 +160,14 @@ def test_the_horizon_ends_an_episode(linear: MakeLinear) -> None:
 @pytest.mark.parametrize("name", ["start", "target"])
 def test_a_point_of_another_dimension_is_refused(name: str, linear: MakeLinear) -> None:
     with pytest.raises(UsageError, match=f"{name}: expected 3"):
-        simulate(linear((0.5, 0.0, 0.5)), SimulationOptions(**{name: (0.5, 0.0)}))  # type: ignore[arg-type]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{name: (0.5, 0.0)}))  # type: ignore[arg-type]
 
 
 def test_progress_is_told_ten_times_a_second(linear: MakeLinear) -> None:
     told: list[tuple[float, float]] = []
     simulate(
         linear((0.5, 0.05, 0.5)),
-        SimulationOptions(horizon=0.45),
+        Scenario(max_duration=0.45),
         progress=lambda *report: told.append(report),
     )
     assert [report[0] for report in told] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4], abs=1e-12)

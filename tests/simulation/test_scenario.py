@@ -5,7 +5,7 @@ import math
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.simulation import ARMS, SimulationOptions
+from skillctl.simulation import ARMS, Scenario
 
 
 @pytest.mark.parametrize(
@@ -31,10 +31,10 @@ from skillctl.simulation import ARMS, SimulationOptions
 )
 def test_a_value_without_meaning_is_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(UsageError, match=f"^{field}: "):
-        SimulationOptions(**{field: value})  # type: ignore[arg-type]
+        Scenario(**{field: value})  # type: ignore[arg-type]
 
 
 def test_an_unknown_arm_is_answered_with_the_known_ones() -> None:
     with pytest.raises(UsageError) as refusal:
-        SimulationOptions(arm="crane")
+        Scenario(arm="crane")
     assert all(name in str(refusal.value) for name in ARMS)

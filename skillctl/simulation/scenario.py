@@ -1,0 +1,348 @@
+"""What to simulate, as data: arm, placement, scene, cup, target, limits, disturbances, noise.
+
+A scenario is one frozen value. It is read from a TOML file, written on the command line, or made in
+Python, and checked in all three cases by the same rules. Its TOML form has the same names:
+
+    arm = "panda"
+    start = [0.40, 0.0, 0.55]
+    target = "cup"               # or three numbers; left out: the skill's own attractor
+    noise = 0.003
+
+    [scene]
+    kind = "shelf"               # or "table"; left out: nothing but the arm
+
+    [cup]
+    position = [0.62, 0.10]
+    board = "top"
+
+    [[disturbances]]
+    kind = "move-target"
+    time = 0.8
+    offset = [0.0, 0.08, 0.0]
+
+What is left out has the default given here. All lengths are in metres, times in seconds, angles in
+radians; positions are in the workspace frame, in which the arm's base stands at the origin, except
+``start`` and ``target``, which are in the skill's own coordinates.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from skillctl.errors import UsageError, printable
+from skillctl.simulation.arm import ARMS
+from skillctl.simulation.ik import HAND_PITCH, HandPolicy
+
+Plane: TypeAlias = Literal["xy", "xz", "yz"]
+Board: TypeAlias = Literal["top", "bottom"]
+Control: TypeAlias = Literal["position", "torque"]
+
+PLANES: tuple[Plane, ...] = get_args(Plane)
+HANDS: tuple[HandPolicy, ...] = tuple(HAND_PITCH)
+
+# Strict: 0.3 and 1 are numbers, "0.3" and true are not.
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+NotNegative: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
+Seed: TypeAlias = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Flag: TypeAlias = Annotated[bool, Field(strict=True)]
+Vector: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
+Point: TypeAlias = tuple[Number, Number, Number]
+Place: TypeAlias = tuple[Number, Number]
+Range: TypeAlias = tuple[Number, Number]
+PositiveRange: TypeAlias = tuple[Positive, Positive]
+
+
+class Part(BaseModel):
+    """Frozen; nothing unknown is accepted, so that a misspelt key is told and not ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Part:
+        for name in type(self).model_fields:
+            if name.endswith("_range") and (ends := getattr(self, name)) is not None and ends[0] > ends[1]:
+                raise ValueError(f"{name}: the first number must not be above the second.")
+        return self
+
+
+class Shelf(Part):
+    """Two boards one above the other, and a panel behind them. The arm may touch none of it.
+
+    Attributes:
+        boards: Heights of the upper sides of the lower and the upper board, [m].
+        x_range: Front and rear edge of the boards, [m].
+        width: Of the boards, symmetric about y = 0, [m].
+        thickness: Of boards, panel and walls, [m].
+        walls: Whether there are walls at the left and right ends, up to the top of the panel.
+    """
+
+    kind: Literal["shelf"] = "shelf"
+    boards: tuple[Positive, Positive] = (0.42, 0.70)
+    x_range: PositiveRange = (0.50, 0.80)
+    width: Positive = 1.2
+    thickness: Positive = 0.02
+    walls: Flag = False
+
+
+class Table(Part):
+    """One board on four legs. The arm may not touch it.
+
+    Attributes:
+        height: Of its upper side, [m].
+        x_range: Front and rear edge, [m].
+        width: Symmetric about y = 0, [m].
+        thickness: Of the board, [m].
+    """
+
+    kind: Literal["table"] = "table"
+    height: Positive = 0.42
+    x_range: PositiveRange = (0.45, 1.05)
+    width: Positive = 1.2
+    thickness: Positive = 0.03
+
+
+Scene: TypeAlias = Annotated[Shelf | Table, Field(discriminator="kind")]
+
+
+class Cup(Part):
+    """A cup: seen as one, and for physics a solid upright cylinder.
+
+    Attributes:
+        position: Where its axis stands, (x, y), [m].
+        board: On which board of a shelf; a table has only one.
+        radius, height: [m].
+        mass: [kg], evenly distributed.
+        friction: Coulomb's coefficient; what acts is its product with that of the other body (fingers: 1).
+    """
+
+    position: Place = (0.62, 0.0)
+    board: Board = "top"
+    radius: Positive = 0.032
+    height: Positive = 0.12
+    mass: Positive = 0.1
+    friction: Positive = 0.5
+
+
+class Grasp(Part):
+    """What the hand does when it has reached the cup.
+
+    Attributes:
+        distance: From the grasp point at which the fingers begin to close, [m].
+        force: Of each finger, [N].
+        speed: Of each finger, [m/s].
+        close_time: From then to the lift, [s].
+        lift: How far the hand goes up, [m], with minimum jerk.
+        lift_time, hold_time: Duration of the lift, and of standing still after it, [s].
+        rise: How far the cup has to be up all through the hold, [m].
+    """
+
+    distance: Positive = 0.006
+    force: Positive = 20.0
+    speed: Positive = 0.1
+    close_time: Positive = 0.8
+    lift: Positive = 0.10
+    lift_time: Positive = 1.2
+    hold_time: Positive = 1.0
+    rise: Positive = 0.05
+
+
+class Push(Part):
+    """A force on the hand. Position motors hold against some 100 N; under torque control the hand yields."""
+
+    kind: Literal["push"] = "push"
+    time: NotNegative
+    duration: Positive
+    force: Point
+
+
+class MoveTarget(Part):
+    """The target, and the cup if there is one, jumps by ``offset`` [m]; the skill's target goes along."""
+
+    kind: Literal["move-target"] = "move-target"
+    time: NotNegative
+    offset: Point
+
+
+class Displace(Part):
+    """The hand jumps by ``offset`` [m], as if somebody had taken it there."""
+
+    kind: Literal["displace"] = "displace"
+    time: NotNegative
+    offset: Point
+
+
+Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace, Field(discriminator="kind")]
+
+
+class Sampling(Part):
+    """What the episodes of a batch are drawn from, uniformly. None: as the scenario itself says.
+
+    Attributes:
+        cup_x_range, cup_y_range: Of the cup's place, [m].
+        start_x_range, start_y_range, start_z_range: Of the hand's start, [m]; all three or none.
+        mass_range, friction_range, radius_range: Of the cup.
+    """
+
+    cup_x_range: Range | None = None
+    cup_y_range: Range | None = None
+    start_x_range: Range | None = None
+    start_y_range: Range | None = None
+    start_z_range: Range | None = None
+    mass_range: PositiveRange | None = None
+    friction_range: PositiveRange | None = None
+    radius_range: PositiveRange | None = None
+
+    @model_validator(mode="after")
+    def _starts_are_whole(self) -> Sampling:
+        starts = (self.start_x_range, self.start_y_range, self.start_z_range)
+        if any(starts) and not all(starts):
+            raise ValueError("start_x_range, start_y_range and start_z_range: give all three, or none.")
+        return self
+
+
+class Scenario(Part):
+    """How a skill is put on an arm and run. None means: chosen automatically (see ``prepare``).
+
+    Attributes:
+        arm: A name in ``ARMS``, or the path of a URDF file.
+        start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture.
+        target: Where the skill's attractor is moved to: a point in the skill's own coordinates, or
+            ``cup``: the middle of the cup as it is perceived. None: not moved.
+        plane: Workspace plane of a 2-D skill; None: the one its coordinate names say.
+        scale: Workspace metres per metre of the skill. None: 1; a 2-D skill much smaller or larger than
+            the workspace is brought to 0.3 m.
+        origin: Workspace position of the skill's zero, [m]. None: 0 for a 3-D skill; a 2-D skill is
+            centred in front of the arm.
+        hand: Orientation of the hand (see ``Kinematics``). None: the first of horizontal, down and free
+            (in the xy plane down, horizontal, free) with which the arm can follow the whole plan within 1 mm.
+        base_yaw: How far the arm's base is turned about the vertical, [rad]. None: 0 in a scene, else to
+            the multiple of a quarter turn that faces the target.
+        control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
+        max_speed, max_acceleration: Of the hand, [m/s] and [m/s²].
+        tolerance: Distance to the target that counts as reached, [m].
+        settle_time: How long the hand must stay within the tolerance, [s].
+        max_duration: Longest simulated time, [s]. None: from how long the skill itself takes.
+        noise: Standard deviation of the hand's measured position as the skill sees it, per coordinate, [m].
+        target_error: Standard deviation of the perceived target, per horizontal coordinate, [m].
+        seed: Of noise, target error, sampling, and the random postures tried in searches.
+        scene: What stands in front of the arm. None: nothing.
+        cup: The cup. None: none, unless the target is the cup.
+        grasp: What happens at the cup; only if the target is the cup.
+        disturbances: What interferes, and when.
+        episodes: How many episodes a batch has.
+        sampling: What they are drawn from.
+    """
+
+    arm: Annotated[str, Field(strict=True)] = "panda"
+    start: Vector | None = None
+    target: Literal["cup"] | Vector | None = None
+    plane: Plane | None = None
+    scale: Positive | None = None
+    origin: Point | None = None
+    hand: HandPolicy | None = None
+    base_yaw: Number | None = None
+    control: Control = "position"
+    max_speed: Positive = 0.3
+    max_acceleration: Positive = 1.5
+    tolerance: Positive = 2e-3
+    settle_time: Positive = 0.5
+    max_duration: Positive | None = None
+    noise: NotNegative = 0.0
+    target_error: NotNegative = 0.0
+    seed: Seed = 0
+    episodes: Count = 1
+    scene: Scene | None = None
+    cup: Cup | None = None
+    grasp: Grasp = Grasp()
+    disturbances: tuple[Disturbance, ...] = ()
+    sampling: Sampling = Sampling()
+
+    if not TYPE_CHECKING:  # a type checker takes the keywords from the fields
+
+        def __init__(self, **values: Any) -> None:
+            """Check all values.
+
+            Raises:
+                UsageError: A value that means nothing; the sentence names it and what was expected.
+            """
+            try:
+                super().__init__(**values)
+            except ValidationError as error:
+                raise UsageError(in_words(error)) from error
+
+    @model_validator(mode="before")
+    @classmethod
+    def _target_brings_the_cup(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("target") == "cup" and values.get("cup") is None:
+            return {**values, "cup": Cup()}
+        return values
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Scenario:
+        if self.arm not in ARMS and not self.arm.endswith(".urdf"):
+            raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
+        if self.cup is not None and self.scene is None:
+            raise ValueError("cup: it needs something to stand on, a scene of the kind shelf or table.")
+        return self
+
+    @property
+    def grasping(self) -> bool:
+        """Whether the cup is to be grasped and lifted."""
+        return self.target == "cup"
+
+    def changed(self, **values: Any) -> Scenario:
+        """Return this scenario with some values changed, checked as any.
+
+        Raises:
+            UsageError: A value that means nothing.
+        """
+        return Scenario(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
+
+
+KINDS = {"shelf", "table", "push", "move-target", "displace"}  # pydantic's steps, not keys
+
+
+def in_words(error: ValidationError) -> str:
+    """Return the first thing that is wrong as one sentence: which key, what was expected, what it is."""
+    found = error.errors(include_url=False)
+    first = next((e for e in found if e["loc"][:2] != ("target", "literal['cup']")), found[0])
+    steps = [step for step in first["loc"] if step not in KINDS and "[" not in str(step)]
+    number = ""
+    if len(steps) > 1 and isinstance(steps[-1], int) and steps[-2] != "disturbances":
+        number = f"number {steps.pop() + 1} "  # type: ignore[operator]  # it is an int
+    key = printable(".".join(map(str, steps)))
+    if first["type"] == "value_error":  # ours, of a whole table: it names the key within it itself
+        return ".".join([*filter(None, [key]), str(first["ctx"]["error"])])
+    if first["type"] == "extra_forbidden":
+        return f"{key}: there is no such key."
+    if first["type"] == "missing":
+        return f"{key}: {number}is missing."
+    if key == "target" and isinstance(first["input"], str):
+        return f"target: must be cup, or numbers, got {_shown(first['input'])}."
+    given = "" if isinstance(first["input"], dict) else f", got {_shown(first['input'])}"
+    return f"{key}: {number}{_expected(first)}{given}."
+
+
+def _expected(detail: ErrorDetails) -> str:
+    match detail["type"]:
+        case "union_tag_not_found" | "union_tag_invalid":
+            choices = detail["ctx"].get("expected_tags", "named by the key 'kind'")
+            return f"its kind must be {choices}".replace("must be named", "must be given, named")
+        case "model_type" | "model_attributes_type":
+            return "must be a table"
+        case "tuple_type":
+            return "must be a list of numbers"
+        case "too_short":
+            return "must have at least one number"
+        case "too_long":
+            return f"must have {detail['ctx']['max_length']} numbers"
+    return detail["msg"].replace("Input should be", "must be")
+
+
+def _shown(value: object) -> str:
+    return printable(repr(value))[:80]
