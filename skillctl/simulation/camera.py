@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageFilter
 
 from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.simulation.arm import ArmBody
@@ -14,8 +15,9 @@ from skillctl.simulation.arm import ArmBody
 FIELD_OF_VIEW = math.radians(36.0)  # vertical
 NEAR, FAR = 0.1, 12.0  # [m]
 MARGIN = 0.94  # share of the picture that the framed points may use
-LIGHT = np.array([-0.5, 1.1, 0.6])  # from the scene, as right, up and towards the viewer
+LIGHT = np.array([-0.75, 1.1, 1.0])  # from the scene, as right, up and towards the viewer
 LIGHT_DISTANCE = 10.0  # Bullet's default is so near that everything shades itself
+SHADOW_BLUR = 4  # pixels
 BURIED = 0.012  # [m]: a point this far behind a surface is hidden; nearer ones are on it
 
 
@@ -70,7 +72,18 @@ class Camera:
         return np.asarray(depths > view.depths[rows, columns] + BURIED)
 
     def render(self, body: ArmBody) -> View:
-        """Return the picture of everything in the body's world."""
+        """Return the picture of everything in the body's world, with soft shadows.
+
+        Bullet's shadows have jagged edges. How much darker each pixel is with shadows than without does
+        not depend on what is painted there, so that is blurred, each body by itself.
+        """
+        lit, depths, surface = self._rendered(body, shadow=False)
+        shaded, _, _ = self._rendered(body, shadow=True)
+        share = shaded.sum(axis=2) / np.maximum(lit.sum(axis=2), 1.0)
+        softened = blurred_within(np.minimum(share, 1.0), surface)
+        return View(np.rint(lit * softened[:, :, None]).astype(np.uint8), depths, surface)
+
+    def _rendered(self, body: ArmBody, *, shadow: bool) -> tuple[FloatArray, FloatArray, IntArray]:
         bullet = body.bullet
         aspect = self.width / self.height
         _, _, colours, buffer, bodies = bullet.getCameraImage(
@@ -78,7 +91,7 @@ class Camera:
             self.height,
             bullet.computeViewMatrix(self.eye.tolist(), (self.eye - self._axes[2]).tolist(), (0.0, 0.0, 1.0)),
             bullet.computeProjectionMatrixFOV(math.degrees(FIELD_OF_VIEW), aspect, NEAR, FAR),
-            shadow=1,
+            shadow=int(shadow),
             lightDirection=(LIGHT @ self._axes).tolist(),
             lightDistance=LIGHT_DISTANCE,
             lightAmbientCoeff=0.62,
@@ -88,7 +101,22 @@ class Camera:
             physicsClientId=body.client,
         )
         shape = (self.height, self.width)
-        pixels = np.reshape(np.asarray(colours, dtype=np.uint8), (*shape, 4))[:, :, :3]
+        pixels = np.reshape(np.asarray(colours, dtype=np.float64), (*shape, 4))[:, :, :3]
         buffered = np.reshape(np.asarray(buffer, dtype=np.float64), shape)
         depths = FAR * NEAR / (FAR - (FAR - NEAR) * buffered)
-        return View(pixels, depths, np.reshape(np.asarray(bodies, dtype=np.int64), shape))
+        return pixels, depths, np.reshape(np.asarray(bodies, dtype=np.int64), shape)
+
+
+def blurred_within(shares: FloatArray, areas: IntArray) -> FloatArray:
+    """Return shares (h, w) from 0 to 1, blurred among the pixels of equal ``areas`` (h, w) only."""
+    blurred = shares.copy()
+    for area in np.unique(areas):
+        rows, columns = np.nonzero(areas == area)
+        window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        inside = areas[window] == area
+        shown, weight = (
+            np.asarray(Image.fromarray(layer.astype(np.uint8)).filter(ImageFilter.GaussianBlur(SHADOW_BLUR)))
+            for layer in (np.rint(255 * shares[window] * inside), 255 * inside)
+        )
+        blurred[window][inside] = shown[inside] / np.maximum(weight[inside], 1.0)
+    return blurred

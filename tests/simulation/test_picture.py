@@ -15,7 +15,8 @@ from skillctl.model import SedsSkill
 from skillctl.simulation import ARMS, Episode, Scenario, simulate
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.camera import Camera
-from skillctl.simulation.picture import TARGET, TILE, TRAIL, encode_picture
+from skillctl.simulation.frame import TARGET, TRAIL
+from skillctl.simulation.picture import TILE, encode_picture
 from skillctl.simulation.recording import encode_log
 
 OPTIONS = Scenario(start=(0.42, -0.20, 0.45))
