@@ -210,7 +210,8 @@ class Scenario(Part):
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
-        start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture.
+        start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture, and
+            in a scene 10 cm before its front edge, 13 cm above the lowest board.
         target: Where the skill's attractor is moved to: a point in the skill's own coordinates, or
             ``cup``: the middle of the cup as it is perceived. None: not moved.
         plane: Workspace plane of a 2-D skill; None: the one its coordinate names say.
@@ -228,11 +229,13 @@ class Scenario(Part):
         settle_time: How long the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: from how long the skill itself takes.
         noise: Standard deviation of the hand's measured position as the skill sees it, per coordinate, [m].
-        target_error: Standard deviation of the perceived target, per horizontal coordinate, [m].
+        target_error: Standard deviation of the perceived target, per horizontal coordinate, [m]; drawn at
+            the start, and again when the target moves. The skill, and ``tolerance``, know no other target.
         seed: Of noise, target error, sampling, and the random postures tried in searches.
         scene: What stands in front of the arm. None: nothing.
-        cup: The cup. None: none, unless the target is the cup.
-        grasp: What happens at the cup; only if the target is the cup.
+        cup: The cup, which the hand grasps and lifts when it is at its target. None: none, unless the
+            target is the cup.
+        grasp: How the hand does that.
         disturbances: What interferes, and when.
         episodes: How many episodes a batch has.
         sampling: What they are drawn from.
@@ -288,12 +291,19 @@ class Scenario(Part):
             raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
         if self.cup is not None and self.scene is None:
             raise ValueError("cup: it needs something to stand on, a scene of the kind shelf or table.")
+        if self.cup is not None and self.scene is not None:
+            (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, self.cup.position
+            if not (front < x < back and -half < y < half):
+                raise ValueError(
+                    f"cup.position: ({x:g}, {y:g}) is not on a board; those lie at x from {front:g} to "
+                    f"{back:g} and y from {-half:g} to {half:g}."
+                )
         return self
 
     @property
     def grasping(self) -> bool:
-        """Whether the cup is to be grasped and lifted."""
-        return self.target == "cup"
+        """Whether the hand closes at its target and lifts: it does if there is a cup."""
+        return self.cup is not None
 
     def changed(self, **values: Any) -> Scenario:
         """Return this scenario with some values changed, checked as any.
