@@ -24,7 +24,16 @@ Shell = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.fixture(autouse=True)
 def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Hide what the user's shell says about stores, colours and terminals."""
-    for variable in ("SKILLCTL_STORE", "NO_COLOR", "FORCE_COLOR", "TERM", "CI", "COLUMNS"):
+    for variable in (
+        "SKILLCTL_STORE",
+        "SKILLCTL_LOCK",
+        "SKILLCTL_LOCKED",
+        "NO_COLOR",
+        "FORCE_COLOR",
+        "TERM",
+        "CI",
+        "COLUMNS",
+    ):
         monkeypatch.delenv(variable, raising=False)
     return
 

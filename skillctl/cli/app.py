@@ -30,6 +30,7 @@ COMMANDS = {
     "log": "Show the history of a skill.",
     "tag": "Name a version, as in reach@release.",
     "untag": "Remove such a name.",
+    "lock": "Write down which skills a pipeline uses.",
     "rm": "Remove versions from the store.",
     "gc": "Remove all but the newest versions.",
     "export": "Write a skill for MATLAB, NumPy or as JSON.",

@@ -72,6 +72,7 @@ def combine(
     ] = None,
     no_refit: options.NoRefit = False,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Combine skills: one of them acts at a time, chosen by where the motion starts.
 
@@ -83,6 +84,7 @@ def combine(
     from skillctl.usecases.make import finish_target, require_target
 
     output: Output = context.obj
+    lock = options.chosen_lock(locked)
     require_target(output_file, depfile, if_changed)
     with output.progress("combining") as progress:
         report = combine_skills(
@@ -90,12 +92,14 @@ def combine(
             output=output_file,
             name=name,
             store=store,
+            lock=lock,
             note=message,
             options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
             refit=not no_refit,
             progress=progress,
         )
     parts = [locate(part.skill, store).path for part in report.parts]
+    parts += [lock.path] if lock is not None else []
     finish_target(output_file, parts, created=report.created, depfile=depfile, if_changed=if_changed)
     for note in report.notes:
         output.note(f"note: {note}")

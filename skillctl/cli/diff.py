@@ -36,6 +36,7 @@ def diff(
     ] = 1e-9,
     rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what A has.")] = 1e-9,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Compare two skills: metadata, numbers, how they move, what is proved.
 
@@ -45,7 +46,8 @@ def diff(
     from skillctl.usecases.diff import diff as diff_skills
 
     output: Output = context.obj
-    report = diff_skills(first, second, atol=atol, rtol=rtol, store=store)
+    lock = options.chosen_lock(locked)
+    report = diff_skills(first, second, atol=atol, rtol=rtol, store=store, lock=lock)
     output.result(report, lambda: blocks(report))
     if exit_code and report.differs:
         raise typer.Exit(ExitCode.NEGATIVE)

@@ -28,6 +28,7 @@ def export(
         typer.Option(metavar="N", help="For .mat: which leaf of a merged or combined skill, from 1."),
     ] = None,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Write a skill for other programs.
 
@@ -37,7 +38,8 @@ def export(
     from skillctl.usecases.export import export as export_skill
 
     output: Output = context.obj
-    report = export_skill(skill, output_file, leaf=leaf, store=store)
+    lock = options.chosen_lock(locked)
+    report = export_skill(skill, output_file, leaf=leaf, store=store, lock=lock)
     facts = (
         ("skill", report.skill),
         ("file", words.near(report.path)),

@@ -38,6 +38,7 @@ def inspect(
         ),
     ] = None,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
 
@@ -46,13 +47,14 @@ def inspect(
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
+    lock = options.chosen_lock(locked)
     if lineage:
         from skillctl.usecases.history import lineage as lineage_of
 
-        tree = lineage_of(skill, store=store)
+        tree = lineage_of(skill, store=store, lock=lock)
         output.result(tree, lambda: [ancestry(tree)])
         return
-    report = inspect_skill(skill, store=store, position=at)
+    report = inspect_skill(skill, store=store, lock=lock, position=at)
     output.result(report, lambda: blocks(report))
 
 

@@ -113,6 +113,7 @@ def merge(
         options.Units | None, typer.Option(help="Unit of the positions.", rich_help_panel=TASK)
     ] = None,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Merge skills: all of them act together on one target, and the result is proved stable.
 
@@ -128,6 +129,7 @@ def merge(
     _require_task(skills, fit, fit_level, from_store, columns, dt, units)
 
     output: Output = context.obj
+    lock = options.chosen_lock(locked)
     require_target(output_file, depfile, if_changed)
     with output.progress("merging") as progress:
         report = merge_skills(
@@ -135,6 +137,7 @@ def merge(
             output=output_file,
             name=name,
             store=store,
+            lock=lock,
             note=message,
             options=MergeOptions(weights, gate, sharpness, speed, target),
             task=TaskOptions(tuple(fit), fit_level, from_store, Reading(None, columns, dt, units))
@@ -144,6 +147,7 @@ def merge(
             progress=progress,
         )
     parts = [locate(part.skill, store).path for part in report.parts]
+    parts += [lock.path] if lock is not None else []
     finish_target(
         output_file, [*(fit or ()), *parts], created=report.created, depfile=depfile, if_changed=if_changed
     )

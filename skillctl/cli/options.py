@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, TypeVar
 
 import typer
+
+if TYPE_CHECKING:
+    from skillctl.store import Lock
 
 INPUT = "Reading the demonstrations"
 MOTION = "The motion"
@@ -78,6 +81,15 @@ def read_start(text: str) -> Numbers | None:
     return None if text == "home" else read_numbers(text)
 
 
+def chosen_lock(locked: bool) -> Lock | None:
+    """Return the lock file if it was asked for."""
+    if not locked:
+        return None
+    from skillctl.store import locate_lock, read_lock
+
+    return read_lock(locate_lock())
+
+
 def _listed(text: str, read: Callable[[str], T], expected: str) -> list[T]:
     try:
         parts = [part.strip() for part in text.split(",")]
@@ -105,6 +117,14 @@ Store = Annotated[
         metavar="DIR",
         help="Where named skills live. Default: $SKILLCTL_STORE, else the nearest skills/ upwards from here, "
         "else the user's data folder.",
+    ),
+]
+Locked = Annotated[
+    bool,
+    typer.Option(
+        "--locked",
+        envvar="SKILLCTL_LOCKED",
+        help="Use nothing but what the lock file names, in the version it names; see `skillctl lock`.",
     ),
 ]
 OutputFile = Annotated[

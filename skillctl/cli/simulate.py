@@ -90,6 +90,7 @@ def simulate(
         typer.Option(metavar="F.png", help="Write a contact sheet.", rich_help_panel=options.RESULT),
     ] = None,
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Run a skill on a simulated arm and say whether, and how well, its hand reached the target.
 
@@ -109,9 +110,17 @@ def simulate(
         hand=hand,
         max_duration=max_duration,
     )
+    lock = options.chosen_lock(locked)
     with output.progress("simulating") as progress:
         report = simulate_skill(
-            skill, chosen, demo=demo, log=log, picture=picture, store=store, progress=progress
+            skill,
+            chosen,
+            demo=demo,
+            log=log,
+            picture=picture,
+            store=store,
+            lock=lock,
+            progress=progress,
         )
     for note in report.notes:
         output.note(f"note: {note}")

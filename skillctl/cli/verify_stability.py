@@ -66,6 +66,7 @@ def verify_stability(
         ),
     ] = "text",
     store: options.Store = None,
+    locked: options.Locked = False,
 ) -> None:
     """Prove, from the stored numbers alone, that skills reach their target from everywhere.
 
@@ -80,7 +81,9 @@ def verify_stability(
         raise UsageError("--json and --format exclude each other.", hint="Add --report json=FILE instead.")
     files = report or []
     reports.require_own_files(files)
-    verified = verify_skills(skills, store=store, required=Requirements(require, period, min_rate))
+    lock = options.chosen_lock(locked)
+    required = Requirements(require, period, min_rate)
+    verified = verify_skills(skills, store=store, lock=lock, required=required)
     reports.write_reports(verified, files)
     if form == "github":
         output.verbatim(reports.github(verified))

@@ -12,6 +12,17 @@ if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
     from skillctl.store.files import write_file
     from skillctl.store.locating import locate, locate_store, resolve
+    from skillctl.store.lockfile import (
+        Lock,
+        LockedSkill,
+        is_lock,
+        locate_again,
+        locate_lock,
+        lock_text,
+        locked_skill,
+        read_lock,
+        write_lock,
+    )
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.references import Reference, parse_reference
@@ -32,6 +43,17 @@ _MODULES = {
     "artifact": ("Artifact", "contents_of", "metadata_of"),
     "files": ("write_file",),
     "locating": ("locate", "locate_store", "resolve"),
+    "lockfile": (
+        "Lock",
+        "LockedSkill",
+        "is_lock",
+        "locate_again",
+        "locate_lock",
+        "lock_text",
+        "locked_skill",
+        "read_lock",
+        "write_lock",
+    ),
     "provenance": ("current_provenance", "input_fingerprint", "input_record"),
     "reader": ("decode", "digest_of", "read_skill"),
     "references": ("Reference", "parse_reference"),
@@ -56,6 +78,8 @@ __all__ = [
     "Header",
     "InputRecord",
     "Located",
+    "Lock",
+    "LockedSkill",
     "Operation",
     "ParentRecord",
     "Provenance",
@@ -69,17 +93,24 @@ __all__ = [
     "encode",
     "input_fingerprint",
     "input_record",
+    "is_lock",
     "label",
     "locate",
+    "locate_again",
+    "locate_lock",
     "locate_store",
+    "lock_text",
+    "locked_skill",
     "metadata_of",
     "metadata_schema",
     "parse_reference",
     "read_header",
+    "read_lock",
     "read_skill",
     "require_whole",
     "resolve",
     "write_file",
+    "write_lock",
 ]
 
 

@@ -91,6 +91,32 @@ class InvalidRefsError(ArtifactError):
         )
 
 
+class InvalidLockError(ArtifactError):
+    """A lock file that cannot be read: it was changed by hand, or a merge left marks in it."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        self.name, self.reason = name, reason
+        super().__init__(
+            f"the lock file {printable(name)} cannot be read: {printable(reason)}.",
+            hint="Write it again with `skillctl lock SKILL…`, naming all skills that it shall hold.",
+        )
+
+
+class NotLockedError(ArtifactError):
+    """A skill that the lock file does not name, or other content than it names."""
+
+
+class InvalidSignaturesError(ArtifactError):
+    """A file of signatures that cannot be read."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        self.name, self.reason = name, reason
+        super().__init__(
+            f"the signatures in {printable(name)} cannot be read: {printable(reason)}.",
+            hint="Get the file again from where it came from, or remove it and sign anew.",
+        )
+
+
 def require_format(name: str, found: object) -> None:
     """Raise unless ``found`` is a format version that this build reads.
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from skillctl import compose
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model import CombinedSkill, DemonstrationSet
-from skillctl.store import Registry, locate_store
+from skillctl.store import Lock, Registry, locate_store
+from skillctl.store.errors import NotLockedError
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.files import Source, open_skill
 
@@ -48,10 +49,13 @@ class Candidates:
     notes: tuple[str, ...]
 
 
-def candidates_from_store(destination: Destination, shown: DemonstrationSet) -> Candidates:
+def candidates_from_store(
+    destination: Destination, shown: DemonstrationSet, lock: Lock | None = None
+) -> Candidates:
     """Return the newest version of each skill of the store that helps with a task.
 
-    Combined skills are none; nor is what lies at the destination, or each run would build on the last.
+    Under a lock, the version that it names of each skill that it names. Combined skills are none;
+    nor is what lies at the destination, or each run would build on the last.
 
     Raises:
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
@@ -61,10 +65,12 @@ def candidates_from_store(destination: Destination, shown: DemonstrationSet) -> 
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():
-        if name == destination.name:
+        if name == destination.name or (lock is not None and not lock.names(name)):
             continue
         try:
-            source = open_skill(name, registry.root)
+            source = open_skill(name, registry.root, lock)
+        except NotLockedError:
+            raise
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
             continue

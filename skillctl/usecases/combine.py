@@ -14,7 +14,7 @@ from skillctl.errors import FitError, UsageError
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
 from skillctl.stability import Certificate, Scope, Verdict, certify
-from skillctl.store import Operation
+from skillctl.store import Lock, Operation
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.files import Source
 from skillctl.usecases.parts import (
@@ -107,6 +107,7 @@ def combine(
     output: Path | None = None,
     name: str | None = None,
     store: Path | None = None,
+    lock: Lock | None = None,
     note: str | None = None,
     options: CombineOptions | None = None,
     refit: bool = True,
@@ -122,6 +123,7 @@ def combine(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
         note: To be kept in the skill.
         options: How the acting part is chosen, and where the parts end.
         refit: Learn the parts again from their embedded demonstrations where the proof needs a common
@@ -138,7 +140,7 @@ def combine(
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
     destination = Destination(output, name, store, note)
     destination.current()
-    sources = open_parts(skills, store)
+    sources = open_parts(skills, store, lock)
     combined = options.combine([source.skill for source in sources])
     together = None
     if options.gate == "instantaneous" and combined.aligned:

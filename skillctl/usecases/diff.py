@@ -14,7 +14,7 @@ from skillctl.errors import UsageError
 from skillctl.model import SedsSkill, Skill, rollout
 from skillctl.model.skill import attractors_of
 from skillctl.stability import Certificate, certify
-from skillctl.store import metadata_of
+from skillctl.store import Lock, metadata_of
 from skillctl.usecases.files import Source, open_skill
 
 DEFAULT_TOLERANCE = 1e-9  # far above what rounding does to a velocity, far below what an arm can follow
@@ -142,6 +142,7 @@ def diff(
     atol: float = DEFAULT_TOLERANCE,
     rtol: float = DEFAULT_TOLERANCE,
     store: Path | None = None,
+    lock: Lock | None = None,
 ) -> DiffReport:
     """Compare two skills.
 
@@ -151,6 +152,7 @@ def diff(
         atol: Velocities, positions and rates may differ by so much, in their units, and
         rtol: by this share of what a has.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
 
     Raises:
         UsageError: A negative tolerance.
@@ -158,7 +160,7 @@ def diff(
     """
     if not (atol >= 0 and rtol >= 0):
         raise UsageError("--atol and --rtol: must not be negative.")
-    sources = source_a, source_b = open_skill(first, store), open_skill(second, store)
+    sources = source_a, source_b = open_skill(first, store, lock), open_skill(second, store, lock)
     a, b = source_a.skill, source_b.skill
     certificates = (certify(a), certify(b))
     proofs_agree = _agree(*certificates, atol, rtol)

@@ -13,7 +13,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill
-from skillctl.store import Artifact, contents_of, metadata_of, write_file
+from skillctl.store import Artifact, Lock, contents_of, metadata_of, write_file
 from skillctl.usecases.files import open_skill
 from skillctl.usecases.inspect import joint_mixture
 
@@ -40,7 +40,12 @@ class ExportReport:
 
 
 def export(
-    reference: str | Path, output: Path, *, leaf: int | None = None, store: Path | None = None
+    reference: str | Path,
+    output: Path,
+    *,
+    leaf: int | None = None,
+    store: Path | None = None,
+    lock: Lock | None = None,
 ) -> ExportReport:
     """Write a skill in a format that other programs read, chosen by the file's ending.
 
@@ -53,6 +58,7 @@ def export(
         output: The file; replaced if it exists.
         leaf: For ``.mat``, which leaf of the skill, counted from 1; not needed if there is one.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
 
     Raises:
         UsageError: Another ending, or several leaves where one is needed.
@@ -67,7 +73,7 @@ def export(
         )
     if leaf is not None and output.suffix != ".mat":
         raise UsageError("--leaf is for .mat files.", hint="Other files hold all leaves.")
-    source = open_skill(reference, store)
+    source = open_skill(reference, store, lock)
     writer = writers[output.suffix]
     if writer is None:
         leaf = _only_leaf(source.skill.leaves, leaf)

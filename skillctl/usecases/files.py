@@ -10,6 +10,7 @@ from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.store import (
     Artifact,
     Located,
+    Lock,
     Operation,
     ParentRecord,
     current_provenance,
@@ -49,16 +50,26 @@ class Source:
         return ParentRecord(name=name, version=self.located.version, digest=self.artifact.digest, role=role)
 
 
-def open_skill(reference: str | Path, store: Path | None = None) -> Source:
+def open_skill(reference: str | Path, store: Path | None = None, lock: Lock | None = None) -> Source:
     """Return the skill that a reference (file, NAME, NAME@3, NAME@latest) names.
+
+    Args:
+        reference: The skill.
+        store: Where names live; default as on the command line.
+        lock: If given, the skills that are allowed; a name it was made with leads to the version it names.
 
     Raises:
         UsageError: The reference is malformed.
         NotFoundError: There is nothing of that name.
-        ArtifactError: The file is not an intact skill artifact.
+        ArtifactError: The file is not an intact skill artifact, or not one that the lock names.
     """
-    located = locate(str(reference), store)
-    return Source(located, read_skill(located.path))
+    if lock is None:
+        located = locate(str(reference), store)
+        return Source(located, read_skill(located.path))
+    located = lock.locate(str(reference), store)
+    source = Source(located, read_skill(located.path))
+    lock.require(located, source.artifact.digest)
+    return source
 
 
 def load(reference: str | Path, *, store: Path | None = None) -> Skill:

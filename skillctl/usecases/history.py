@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from skillctl.errors import ArtifactError, NotFoundError, SkillctlError, StoreError
-from skillctl.store import Located, ParentRecord, Registry, locate_store, read_header, read_skill
+from skillctl.store import Located, Lock, ParentRecord, Registry, locate_store, read_header, read_skill
 from skillctl.usecases.files import Source, open_skill
 
 Presence: TypeAlias = Literal["present", "changed", "missing"]
@@ -138,7 +138,7 @@ class LineageReport:
     complete: bool
 
 
-def lineage(reference: str | Path, *, store: Path | None = None) -> LineageReport:
+def lineage(reference: str | Path, *, store: Path | None = None, lock: Lock | None = None) -> LineageReport:
     """Return the tree of parents of a skill, and which of them are still there.
 
     A parent is looked for in the store, under its name and version, then under its name by its content; a
@@ -148,7 +148,7 @@ def lineage(reference: str | Path, *, store: Path | None = None) -> LineageRepor
         NotFoundError, ArtifactError: The reference leads to no intact skill.
     """
     registry = Registry(locate_store(store))
-    source = open_skill(reference, store)
+    source = open_skill(reference, store, lock)
     tree = _found(source, "", registry)
     return LineageReport(tree, all(ancestor.presence == "present" for ancestor in tree.all()))
 

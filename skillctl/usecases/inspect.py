@@ -12,7 +12,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill, StateSpace
 from skillctl.stability import Certificate, certify
-from skillctl.store import DemonstrationReport, Operation, Provenance
+from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
 from skillctl.usecases.files import open_skill
 from skillctl.usecases.where import Place, Region, at, regions_of
 
@@ -113,20 +113,25 @@ class InspectReport:
 
 
 def inspect(
-    reference: str | Path, *, store: Path | None = None, position: Sequence[float] | None = None
+    reference: str | Path,
+    *,
+    store: Path | None = None,
+    lock: Lock | None = None,
+    position: Sequence[float] | None = None,
 ) -> InspectReport:
     """Return what is in the skill that a reference names.
 
     Args:
         reference: File, or name of the store.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
         position: A place to ask about, (d,).
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
         UsageError: A position of another dimension.
     """
-    source = open_skill(reference, store)
+    source = open_skill(reference, store, lock)
     artifact, skill = source.artifact, source.skill
     counts = [len(taught) if taught is not None else 0 for taught in artifact.demonstrations]
     tree = _node(skill, 1.0)

@@ -15,7 +15,7 @@ from skillctl.errors import UsageError
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
 from skillctl.stability import Certificate, certify
-from skillctl.store import DemonstrationReport, Operation, input_record
+from skillctl.store import DemonstrationReport, Lock, Operation, input_record
 from skillctl.usecases.candidates import candidates_from_store, require_same_space
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import report_errors
@@ -131,6 +131,7 @@ def merge(
     output: Path | None = None,
     name: str | None = None,
     store: Path | None = None,
+    lock: Lock | None = None,
     note: str | None = None,
     options: MergeOptions | None = None,
     task: TaskOptions | None = None,
@@ -144,6 +145,7 @@ def merge(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
         note: To be kept in the skill.
         options: How the parts act together.
         task: Fit the weights to demonstrations of a new task.
@@ -160,8 +162,8 @@ def merge(
     destination = Destination(output, name, store, note)
     destination.current()
     if task is not None:
-        return _merge_for_task(skills, destination, options, task, refit, progress)
-    sources = open_parts(skills, store)
+        return _merge_for_task(skills, destination, lock, options, task, refit, progress)
+    sources = open_parts(skills, store, lock)
     parents = [source.skill for source in sources]
     options.merge(parents, np.eye(parents[0].dimension))  # complains about options before any work is done
     together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
@@ -178,6 +180,7 @@ def merge(
 def _merge_for_task(
     skills: Sequence[str | Path],
     destination: Destination,
+    lock: Lock | None,
     options: MergeOptions,
     task: TaskOptions,
     refit: bool,
@@ -193,10 +196,10 @@ def _merge_for_task(
             hint="Name skills, or let all of the store take part.",
         )
     if task.from_store:
-        found = candidates_from_store(destination, shown)
+        found = candidates_from_store(destination, shown, lock)
         sources, candidates, notes = list(found.helpful), found.considered, found.notes
     else:
-        sources, notes = open_parts(skills, destination.store), ()
+        sources, notes = open_parts(skills, destination.store, lock), ()
         candidates = len(sources)
     require_same_space(sources, shown)
     plain = MergeOptions(target=options.target)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.model import Skill
-from skillctl.store import Artifact, DemonstrationReport, InputRecord, Operation, current_provenance
+from skillctl.store import Artifact, DemonstrationReport, InputRecord, Lock, Operation, current_provenance
 from skillctl.usecases.files import Source, open_skill
 
 
@@ -27,9 +27,11 @@ class PartSummary:
     n_components: int
 
 
-def open_parts(references: Sequence[str | Path], store: Path | None) -> list[Source]:
-    """Return the skills that the references name."""
-    return [open_skill(reference, store) for reference in references]
+def open_parts(
+    references: Sequence[str | Path], store: Path | None, lock: Lock | None = None
+) -> list[Source]:
+    """Return the skills that the references name, if the lock allows them."""
+    return [open_skill(reference, store, lock) for reference in references]
 
 
 def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartSummary, ...]:

@@ -12,7 +12,7 @@ from skillctl.simulation import Episode, Metrics, Outcome, Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
-from skillctl.store import write_file
+from skillctl.store import Lock, write_file
 from skillctl.usecases.files import Source, open_skill
 from skillctl.usecases.progress import Progress
 
@@ -60,6 +60,7 @@ def simulate(
     log: Path | None = None,
     picture: Path | None = None,
     store: Path | None = None,
+    lock: Lock | None = None,
     progress: Progress | None = None,
 ) -> SimulateReport:
     """Run a skill on a simulated arm.
@@ -72,6 +73,7 @@ def simulate(
         log: Write the time series there, as CSV.
         picture: Write a contact sheet there, as PNG.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
         progress: Called with (stage, milliseconds done, milliseconds at most).
 
     Raises:
@@ -79,7 +81,7 @@ def simulate(
         UsageError: A start, target or placement that makes no sense for this skill.
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
-    source = open_skill(reference, store)
+    source = open_skill(reference, store, lock)
     scenario = scenario or Scenario()
     if demo is not None:
         scenario = scenario.changed(start=_start_of(demo, source, scenario))

@@ -13,6 +13,7 @@ from skillctl.model import Skill
 from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 from skillctl.stability import Certificate, certify
 from skillctl.stability.report import at_least
+from skillctl.store import Lock
 from skillctl.usecases.files import open_skill
 
 Outcome: TypeAlias = Literal["proved", "not proved", "inconclusive", "unreadable"]
@@ -94,6 +95,7 @@ def verify_stability(
     references: Sequence[str | Path],
     *,
     store: Path | None = None,
+    lock: Lock | None = None,
     required: Requirements | None = None,
 ) -> VerifyReport:
     """Return what is proved of each skill; those that cannot be read do not keep others from being checked.
@@ -101,10 +103,11 @@ def verify_stability(
     Args:
         references: Files, or names of the store.
         store: Where names live; default as on the command line.
+        lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
     """
     required = required or Requirements()
-    verdicts = tuple(_verdict(str(reference), store, required) for reference in references)
+    verdicts = tuple(_verdict(str(reference), store, lock, required) for reference in references)
     return VerifyReport(verdicts, required)
 
 
@@ -120,9 +123,9 @@ def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certifica
     return certify(source.skill, digest=source.artifact.digest)
 
 
-def _verdict(reference: str, store: Path | None, required: Requirements) -> SkillVerdict:
+def _verdict(reference: str, store: Path | None, lock: Lock | None, required: Requirements) -> SkillVerdict:
     try:
-        source = open_skill(reference, store)
+        source = open_skill(reference, store, lock)
     except SkillctlError as error:
         return SkillVerdict(reference, None, None, None, error, "unreadable")
     digest = source.artifact.digest
