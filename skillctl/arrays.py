@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,6 +41,11 @@ def frozen_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -
         raise InvalidModelError(f"{name}: must be finite.")
     array.setflags(write=False)
     return array
+
+
+def length(vector: FloatArray) -> float:
+    """Return the Euclidean length of a vector (n,); for short ones several times as fast as NumPy's norm."""
+    return math.sqrt(vector.dot(vector))
 
 
 def require_spd(name: str, matrices: FloatArray) -> None:

@@ -226,6 +226,7 @@ class LiveArm:
     Attributes:
         period: Time that one step takes, [s].
         push: Force at the hand, [N] in the world, shape (3,), in every step until it is set to None.
+        orientation: The hand's, q_xyzw in the world.
     """
 
     def __init__(self, body: ArmBody, joints: FloatArray, period: float) -> None:
@@ -233,6 +234,7 @@ class LiveArm:
         self.body = body
         self.period = period
         self.push: FloatArray | None = None
+        self.orientation = (0.0, 0.0, 0.0, 1.0)
         self._indices = list(body.model.indices)
         self._lowest, self._highest = body.model.lower + STOP_MARGIN, body.model.upper - STOP_MARGIN
         bullet, client = body.bullet, body.client
@@ -255,8 +257,13 @@ class LiveArm:
         """Return the measured state."""
         return self._state
 
-    def step(self) -> None:
-        """Let one period pass."""
+    def place(self, joints: FloatArray) -> None:
+        """Put the joints at these angles (n,) [rad] at once, at rest; no time passes."""
+        self.body.pose(joints)
+        self._state = self._measured()
+
+    def step(self, torques: FloatArray | None = None) -> None:
+        """Let one period pass; ``torques`` (n,) [Nm] drive the joints, if Bullet's motors do not."""
         body = self.body
         if self.push is not None:  # Bullet forgets a force after each step
             body.bullet.applyExternalForce(
@@ -268,7 +275,7 @@ class LiveArm:
                 physicsClientId=body.client,
             )
         body.bullet.stepSimulation(physicsClientId=body.client)
-        self._state = self._measured()
+        self._state = self._measured(torques)
         if self._stopped():
             self._state = self._measured(self._state.torques)
 
@@ -276,7 +283,7 @@ class LiveArm:
         body = self.body
         joints = body.bullet.getJointStates(body.body, self._indices, physicsClientId=body.client)
         angles, velocities, _, measured = zip(*joints, strict=True)
-        hand, _ = body.hand()
+        hand, self.orientation = body.hand()
         return ArmState(
             hand,
             np.array(angles),

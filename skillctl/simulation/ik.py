@@ -8,17 +8,17 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
 
 HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
 HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
 YAW_SHARE = 0.5  # of the azimuth: between straight ahead (0) and radial (1)
 
-DAMPING = 0.1  # per joint, fingers included: Bullet silently ignores a list of another length
+DAMPING = 0.003  # per joint, fingers included: Bullet silently ignores a list of another length
 STEP_ITERATIONS, SEARCH_ITERATIONS, SEARCH_RESEEDS, SEARCH_RESTARTS = 20, 100, 20, 8
 IK_THRESHOLD = 1e-6  # Bullet's own stopping criterion
-ACCEPTED_RESIDUAL = 5e-3  # [m]; typical residuals are below 1e-5
+ACCEPTED_RESIDUAL = 5e-3  # [m]; typical residuals are below 1e-4
 ACCEPTED_JUMP = 0.3  # [rad] in one step; typical steps are 0.004 to 0.025
 POSE_POSITION, POSE_ANGLE = 1e-4, math.radians(1.0)  # a searched pose is this exact, or not found
 
@@ -46,7 +46,7 @@ class Kinematics:
     def __init__(self, body: ArmBody, hand: HandPolicy, base_yaw: float) -> None:
         """Args: body, used by nobody else; hand; base_yaw of the body, [rad]."""
         self._body = body
-        self._hand = hand
+        self.hand = hand
         self._base_yaw = base_yaw
         self.model = model = body.model
         self.lower, self.upper = model.lower + LIMIT_MARGIN, model.upper - LIMIT_MARGIN
@@ -63,7 +63,7 @@ class Kinematics:
         """Return the joints for a hand at ``point`` (3,) that was at ``joints`` (n,) one period ago."""
         found = self._solve(point, joints, STEP_ITERATIONS)
         position, _ = self._body.hand()
-        residual = float(np.linalg.norm(position - point))
+        residual = length(position - point)
         jump = float(np.abs(found - joints).max())
         # Written so that a NaN anywhere is a refusal.
         return Solution(found, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
@@ -95,7 +95,7 @@ class Kinematics:
         for _ in range(SEARCH_RESEEDS):
             joints = self._solve(point, joints, SEARCH_ITERATIONS)
             position, orientation = self._body.hand()
-            residual = float(np.linalg.norm(position - point))
+            residual = length(position - point)
             angle = self._angle_to(orientation, point)
             if residual < POSE_POSITION and angle < POSE_ANGLE:
                 return Solution(joints, residual, True)
@@ -105,7 +105,7 @@ class Kinematics:
         """Return clamped joints and leave the body in them."""
         body = self._body
         body.pose(joints)  # Bullet starts from the body's state; its currentPositions= shifts the frame
-        orientation = self._orientation(point)
+        orientation = self.orientation(point)
         target = (point.tolist(),) if orientation is None else (point.tolist(), orientation)
         found = body.bullet.calculateInverseKinematics(
             body.body,
@@ -120,12 +120,12 @@ class Kinematics:
         body.pose(clamped)
         return np.asarray(clamped)
 
-    def _orientation(self, point: FloatArray) -> tuple[float, float, float, float] | None:
+    def orientation(self, point: FloatArray) -> tuple[float, float, float, float] | None:
         """Return the hand's orientation q_xyzw at ``point``; None if it does not matter."""
-        if self._hand == "free":
+        if self.hand == "free":
             return None
         yaw = self._base_yaw + YAW_SHARE * self._relative_azimuth(point)
-        pitch = HAND_PITCH[self._hand]
+        pitch = HAND_PITCH[self.hand]
         flipped = self._body.model.finger_axis < 0
         euler = (math.pi, pitch - math.pi / 2, yaw) if flipped else (0.0, pitch + math.pi / 2, yaw)
         x, y, z, w = self._body.bullet.getQuaternionFromEuler(euler)
@@ -136,7 +136,7 @@ class Kinematics:
         return math.remainder(azimuth, math.tau)
 
     def _angle_to(self, orientation: tuple[float, float, float, float], point: FloatArray) -> float:
-        wanted = self._orientation(point)
+        wanted = self.orientation(point)
         if wanted is None:
             return 0.0
         cosine = abs(float(np.dot(orientation, wanted)))

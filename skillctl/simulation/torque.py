@@ -1,0 +1,137 @@
+"""A compliant arm: joint torques make the hand a damper that moves as the skill says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.ik import Kinematics
+
+TORQUE_PERIOD = 1e-3  # [s], of the fastest real arm controllers
+DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks for
+ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
+POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
+COMMANDED_SHARE = 0.95  # of the largest joint velocity
+SINGULARITY = 1e-4  # added to J Jᵀ, so that a stretched arm is asked for no infinite velocity
+
+
+class TorqueArm(LiveArm):
+    r"""An arm whose hand yields to a push in proportion, and then goes on as the skill says.
+
+        τ = Jᵀ [D (f − v); K e − D_r ω] + N [K_p (q₀ − q) − D_p q̇] + c(q, q̇)
+
+    f is the velocity asked for, v and ω are the hand's, e is the rotation to the orientation wanted where the
+    hand is, N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the posture at the start, c are gravity and Coriolis torques; each
+    torque is cut to its limit. v, ω, q and q̇ are those at the *end* of the period, predicted with the arm's
+    mass matrix: with those at its beginning, a wrist as light as an xArm's shakes itself apart.
+
+    Nothing pulls the hand to where it was before a push: it goes on from where it is, along the skill's own
+    path from there. There is no integral term either: a load shifts where the hand comes to rest.
+
+    References:
+        Kronander and Billard, Passive interaction control with dynamical systems, IEEE Robotics and
+        Automation Letters 1(1), 2016, for D (f − v), here with equal damping in all directions. The implicit
+        step is ours.
+    """
+
+    def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
+        """Args: body, moved by nobody else; joints: its start, (n,), [rad]; kinematics, of the hand."""
+        super().__init__(body, joints, TORQUE_PERIOD)
+        bullet, model = body.bullet, body.model
+        self._kinematics = kinematics
+        self._posture = joints
+        self._rows = 3 if kinematics.hand == "free" else 6
+        self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
+        self._stiffness = np.array([0.0] * 3 + [ROTATION_STIFFNESS] * 3)[: self._rows]
+        self._columns = model.columns
+        places = dict([*zip(model.indices, joints.tolist(), strict=True), *model.others])
+        self._places = np.array([places[joint] for joint in sorted(places)])  # of all movable joints
+        self._zeros = [0.0] * len(places)
+        inertial = bullet.getLinkState(body.body, model.tip, physicsClientId=body.client)[2:4]
+        self._tip = bullet.invertTransform(*inertial)[0]  # Bullet counts from the link's centre of mass
+        for joint in model.indices:
+            # Real arms compensate the friction of their joints; Bullet's, being explicit, shakes light ones.
+            bullet.changeDynamics(body.body, joint, jointDamping=0.0, physicsClientId=body.client)
+        bullet.setJointMotorControlArray(  # a joint brakes until it is told not to
+            body.body,
+            self._indices,
+            bullet.VELOCITY_CONTROL,
+            forces=[0.0] * model.n_joints,
+            physicsClientId=body.client,
+        )
+
+    def drive(self, velocity: FloatArray) -> float:
+        """Let the hand move with ``velocity`` (3,) [m/s] for one period; return the share joints allow."""
+        state = self.state()
+        self._places[self._columns] = state.joints
+        jacobian = self._jacobian()
+        asked = np.zeros(self._rows)
+        asked[:3] = velocity
+        square = jacobian @ jacobian.T + SINGULARITY * np.eye(self._rows)
+        inverse = np.linalg.solve(square, jacobian).T  # of J, damped
+        fastest = float((np.abs(inverse @ asked) / self.body.model.max_velocity).max())
+        share = min(1.0, COMMANDED_SHARE / fastest) if fastest > 0 else 1.0
+        wrench = self._damping * share * asked
+        if self._rows == 6:
+            wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
+        free = np.eye(len(inverse)) - inverse @ jacobian
+        spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
+        stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
+        damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
+        self._apply(self._implicit(spring, stiffness, damping))
+        return share
+
+    def _implicit(self, spring: FloatArray, stiffness: FloatArray, damping: FloatArray) -> FloatArray:
+        """Return the torques (n,) of springs and dampers as they will be at the end of the period.
+
+        M (q̇₁ − q̇) / Δt = s − (Δt K + C) q̇₁ is solved for q̇₁; the torques are what stands on its right.
+        """
+        body, period, velocities = self.body, self.period, self.state().velocities
+        masses = np.array(
+            body.bullet.calculateMassMatrix(body.body, self._places.tolist(), physicsClientId=body.client)
+        )[np.ix_(self._columns, self._columns)]
+        resistance = damping + period * stiffness
+        ahead = np.linalg.solve(masses + period * resistance, masses @ velocities + period * spring)
+        return np.asarray(spring - resistance @ ahead)
+
+    def _apply(self, torques: FloatArray) -> None:
+        """Drive the joints with these torques (n,) and those that carry the arm, within the limits."""
+        body, limits = self.body, self.body.model.max_torque
+        velocities = np.zeros(len(self._places))
+        velocities[self._columns] = self.state().velocities
+        own = body.bullet.calculateInverseDynamics(
+            body.body,
+            self._places.tolist(),
+            velocities.tolist(),
+            self._zeros,
+            physicsClientId=body.client,
+        )
+        limited = np.clip(torques + np.array(own)[self._columns], -limits, limits)
+        body.bullet.setJointMotorControlArray(
+            body.body,
+            self._indices,
+            body.bullet.TORQUE_CONTROL,
+            forces=limited.tolist(),
+            physicsClientId=body.client,
+        )
+        self.step(limited)
+
+    def _jacobian(self) -> FloatArray:
+        """Return the hand's Jacobian (6, n), or (3, n) if its orientation does not matter."""
+        linear, angular = self.body.bullet.calculateJacobian(
+            self.body.body,
+            self.body.model.tip,
+            self._tip,
+            self._places.tolist(),
+            self._zeros,
+            self._zeros,
+            physicsClientId=self.body.client,
+        )
+        return np.array((linear + angular)[: self._rows])[:, self._columns]
+
+    def _turn_wanted(self) -> FloatArray:
+        """Return the rotation to the orientation wanted here: its axis (3,) times 2 sin ½θ."""
+        wanted = self._kinematics.orientation(self.state().hand)
+        *axis, cosine = self.body.bullet.getDifferenceQuaternion(self.orientation, wanted)
+        return np.array(axis) * (2.0 if cosine >= 0 else -2.0)
