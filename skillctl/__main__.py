@@ -28,6 +28,11 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # ξ on a Latin-1 terminal is no reason to stop
+    if sys.argv[1:2] == ["__complete"]:
+        from skillctl.cli import candidates
+
+        candidates.main(sys.argv[2:])
+        return
     from skillctl.cli.app import app
 
     app(prog_name="skillctl")

@@ -34,7 +34,8 @@ COMMANDS = {
     "rm": "Remove versions from the store.",
     "gc": "Remove all but the newest versions.",
     "export": "Write a skill for MATLAB, NumPy or as JSON.",
-    "schema": "Print the JSON Schema of a skill's metadata.",
+    "schema": "Print the JSON Schema of an output, or of a skill's metadata.",
+    "completion": "Let the TAB key complete commands and skills.",
 }
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
@@ -117,9 +118,7 @@ class CommandGroup(TyperGroup):
         **extra: Any,
     ) -> Any:
         """Run one command and exit. (Typer's own would turn errors into boxes and exit 1.)"""
-        arguments = list(sys.argv[1:] if args is None else args)
-        self._main_shell_completion(extra, prog_name or "skillctl", complete_var)
-        sys.exit(self._run(arguments))
+        sys.exit(self._run(list(sys.argv[1:] if args is None else args)))
 
     def _run(self, arguments: list[str]) -> int:
         output, began = Output.for_arguments(arguments), time.monotonic()
@@ -199,8 +198,15 @@ def load_command(name: str) -> Any:
     return typer.main.get_command(single)
 
 
+def app_options() -> list[Any]:
+    """Return the options that stand before the command."""
+    group: Any = typer.main.get_command(app)
+    return list(group.params)
+
+
 app = typer.Typer(
     cls=CommandGroup,
+    add_completion=False,  # ours also knows skills; see `skillctl completion`
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings=CONTEXT_SETTINGS,

@@ -86,7 +86,7 @@ def learn(
     frame: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="Frame in which the positions are given.", rich_help_panel=options.INPUT
+            metavar="FRAME", help="Frame in which the positions are given.", rich_help_panel=options.INPUT
         ),
     ] = "base",
     objective: Annotated[

@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from skillctl.cli.output import Output
 
 EXAMPLES = """\b
 Example:
-  skillctl schema > meta.schema.json"""
+  skillctl schema > meta.schema.json
+  skillctl schema learn > learn.schema.json
+  skillctl schema error | jq .properties"""
 
 
-def schema(context: typer.Context) -> None:
-    """Print the JSON Schema of the metadata in a skill artifact."""
-    from skillctl.usecases.schema import schema as schema_of
+def schema(
+    context: typer.Context,
+    output_name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[OUTPUT]", help="A command, or error. Default: the metadata in a skill artifact."
+        ),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of what a command prints with --json, or of the metadata in a skill artifact.
+
+    Keys are only ever added to an output while its schema_version stays the same.
+    """
+    from skillctl.cli.documents import schema_of_output
+    from skillctl.usecases.schema import SchemaReport, schema_of_metadata
 
     output: Output = context.obj
-    report = schema_of()
+    report = schema_of_metadata() if output_name is None else SchemaReport(schema_of_output(output_name))
     if output.as_json:
         output.result(report, list)
     else:

@@ -11,20 +11,20 @@ from skillctl.store.seal import FORMAT_VERSION
 
 @dataclass(frozen=True)
 class SchemaReport:
-    """The schema of meta.json.
+    """A JSON Schema.
 
     Attributes:
-        format: Version of the artifact format.
-        schema: JSON Schema, draft 2020-12.
+        schema: The schema, draft 2020-12.
+        format: Version of the artifact format, if that is what it describes.
     """
 
-    format: int
     schema: dict[str, Any]
+    format: int | None = None
 
 
-def schema() -> SchemaReport:
+def schema_of_metadata() -> SchemaReport:
     """Return the JSON Schema of meta.json in the artifacts that this build writes.
 
     It says which keys and types there are; FORMAT.md says what must hold between them.
     """
-    return SchemaReport(FORMAT_VERSION, metadata_schema())
+    return SchemaReport(metadata_schema(), FORMAT_VERSION)

@@ -1,0 +1,116 @@
+"""``skillctl completion``."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias, cast, get_args
+
+import typer
+
+from skillctl.cli import render, words
+from skillctl.cli.output import Output
+from skillctl.errors import UsageError
+
+EXAMPLES = """\b
+Example:
+  skillctl completion --install
+  skillctl completion bash > skillctl.bash
+  eval "$(skillctl completion zsh)"
+
+Completed are commands, options, their choices, skills, versions (reach@3), aliases and files."""
+
+Shell: TypeAlias = Literal["bash", "zsh", "fish"]
+
+
+@dataclass(frozen=True)
+class CompletionReport:
+    """How a shell completes what is typed.
+
+    Attributes:
+        shell: ``bash``, ``zsh`` or ``fish``.
+        script: What the shell has to read.
+        path: Where it was installed; None if it was only shown.
+        startup: The file that reads it when a shell starts; None where the shell finds it by itself.
+    """
+
+    shell: Shell
+    script: str
+    path: Path | None = None
+    startup: Path | None = None
+
+
+def completion(
+    context: typer.Context,
+    shell: Annotated[Shell | None, typer.Argument(help="Default: the shell in $SHELL.")] = None,
+    install: Annotated[
+        bool, typer.Option("--install", help="Install the script for new shells instead of printing it.")
+    ] = False,
+) -> None:
+    """Complete commands, options, skills and files with the TAB key.
+
+    Prints the script that teaches it to a shell. With --install, the script is written into your data folder
+    and one line that reads it is added to ~/.bashrc or ~/.zshrc; fish finds it by itself.
+    """
+    output: Output = context.obj
+    shell = shell or _login_shell()
+    report = CompletionReport(shell, script_of(shell))
+    if install:
+        report = installed(report)
+        output.result(report, lambda: blocks(report))
+    elif output.as_json:
+        output.result(report, list)
+    else:
+        output.verbatim(report.script)
+
+
+def script_of(shell: Shell) -> str:
+    """Return the script for a shell."""
+    return (Path(__file__).parent / "shells" / f"skillctl.{shell}").read_text(encoding="utf-8")
+
+
+def installed(report: CompletionReport) -> CompletionReport:
+    """Write the script where the shell finds it, and return the report with these places.
+
+    Raises:
+        StoreError: A file cannot be written.
+    """
+    from skillctl.store import write_file
+
+    home = Path.home()
+    if report.shell == "fish":
+        folder = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config") / "fish" / "completions"
+    else:
+        folder = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share") / "skillctl"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"skillctl.{report.shell}"
+    write_file(path, report.script.encode())
+    if report.shell == "fish":
+        return CompletionReport(report.shell, report.script, path)
+    zsh_home = Path(os.environ.get("ZDOTDIR") or home)
+    startup = zsh_home / ".zshrc" if report.shell == "zsh" else home / ".bashrc"
+    line = f"[ -r '{path}' ] && . '{path}'  # completion of skillctl\n"
+    if not startup.exists() or line not in startup.read_text(encoding="utf-8", errors="replace"):
+        with startup.open("a", encoding="utf-8") as file:  # in place: it may be a link to where it is kept
+            file.write(line)
+    return CompletionReport(report.shell, report.script, path, startup)
+
+
+def blocks(report: CompletionReport) -> list[render.Block]:
+    """Return the report on an installation for people."""
+    assert report.path is not None  # installed
+    facts = [("shell", report.shell), ("script", words.near(report.path))]
+    if report.startup is not None:
+        facts.append(("read by", words.near(report.startup)))
+    return [render.Facts(tuple(facts)), "Open a new shell, type skillctl and a space, and press TAB twice."]
+
+
+def _login_shell() -> Shell:
+    name = Path(os.environ.get("SHELL", "")).name
+    if name not in get_args(Shell):
+        raise UsageError(
+            f"$SHELL is {name or 'not set'}; completion exists for {', '.join(get_args(Shell))}.",
+            hint="Name the shell, as in `skillctl completion bash`.",
+        )
+    return cast(Shell, name)
