@@ -28,6 +28,7 @@ LINE_LIMIT = 420  # a module that needs more is two modules
 
 # Third-party packages that only some rooms may know.
 ONLY_IN = {
+    "cryptography": {"store"},
     "pybullet": {"simulation"},
     "pybullet_data": {"simulation"},
     "h5py": {"store", "demonstrations", "simulation"},

@@ -31,6 +31,8 @@ COMMANDS = {
     "tag": "Name a version, as in reach@release.",
     "untag": "Remove such a name.",
     "lock": "Write down which skills a pipeline uses.",
+    "sign": "Sign a skill.",
+    "verify-signature": "Say whether a key has signed a skill.",
     "rm": "Remove versions from the store.",
     "gc": "Remove all but the newest versions.",
     "export": "Write a skill for MATLAB, NumPy or as JSON.",

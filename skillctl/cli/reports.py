@@ -24,6 +24,7 @@ SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 RULES = {
     "not proved": ("SKILL001", "The skill is not proved to reach its target as required.", "error"),
     "inconclusive": ("SKILL002", "Whether the skill reaches its target is open.", "warning"),
+    "not signed": ("SKILL004", "The skill does not have the required signature.", "error"),
     "unreadable": ("SKILL003", "The skill cannot be read.", "error"),
     "proved": ("SKILL000", "The skill is proved to reach its target as required.", "none"),
 }

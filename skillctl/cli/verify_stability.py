@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,8 +22,9 @@ Example:
   skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
   skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
 
-Exit codes: 0 what is required is proved of all; 1 of one it is not; 3 none is refuted, but one is open; and
-before all of these, the code of the worst skill that could not be read: 8 disk, 7 refused, 4 not found."""
+Exit codes: 0 what is required is proved of all; 1 of one it is not, or it is not signed; 3 none is refuted,
+but one is open; and before all of these, the code of the worst skill that could not be read: 8 disk,
+7 refused, 4 not found."""
 
 REQUIRED = "What has to be proved"
 REPORTS = "Reports"
@@ -50,6 +52,14 @@ def verify_stability(
         float | None,
         typer.Option(metavar="R", help="A decay rate of at least this, in 1/s.", rich_help_panel=REQUIRED),
     ] = None,
+    require_signature: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PUBLIC.pem",
+            help="This key has signed each skill; see `skillctl sign`.",
+            rich_help_panel=REQUIRED,
+        ),
+    ] = None,
     report: Annotated[
         list[reports.ReportFile] | None,
         typer.Option(
@@ -73,6 +83,7 @@ def verify_stability(
     Every skill is checked, whatever is wrong with another. Rates are proved lower bounds in 1/s; the period
     is the longest at which a controller may step, proved too.
     """
+    from skillctl.store import read_public_key
     from skillctl.usecases.verify_stability import Requirements
     from skillctl.usecases.verify_stability import verify_stability as verify_skills
 
@@ -82,7 +93,8 @@ def verify_stability(
     files = report or []
     reports.require_own_files(files)
     lock = options.chosen_lock(locked)
-    required = Requirements(require, period, min_rate)
+    signer = None if require_signature is None else read_public_key(require_signature)
+    required = Requirements(require, period, min_rate, signer)
     verified = verify_skills(skills, store=store, lock=lock, required=required)
     reports.write_reports(verified, files)
     if form == "github":
@@ -99,7 +111,7 @@ def exit_code(report: VerifyReport, failures: list[Failure]) -> ExitCode:
     if failures:
         return max(failure.code for failure in failures)
     outcomes = {verdict.outcome for verdict in report.skills}
-    if "not proved" in outcomes:
+    if outcomes & {"not proved", "not signed"}:
         return ExitCode.NEGATIVE
     return ExitCode.INCONCLUSIVE if "inconclusive" in outcomes else ExitCode.DONE
 
@@ -156,4 +168,4 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than what is usual."""
     required = report.required
-    return (required.scope, required.period, required.min_rate) != ("global", None, None)
+    return required != type(required)()

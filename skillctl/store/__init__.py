@@ -37,6 +37,16 @@ if TYPE_CHECKING:
         metadata_schema,
     )
     from skillctl.store.seal import Header, read_header, require_whole
+    from skillctl.store.signing import (
+        Signature,
+        add_signature,
+        make_signature,
+        read_private_key,
+        read_public_key,
+        read_signatures,
+        signature_state,
+        signatures_path,
+    )
     from skillctl.store.writer import encode
 
 _MODULES = {
@@ -68,6 +78,16 @@ _MODULES = {
         "metadata_schema",
     ),
     "seal": ("Header", "read_header", "require_whole"),
+    "signing": (
+        "Signature",
+        "add_signature",
+        "make_signature",
+        "read_private_key",
+        "read_public_key",
+        "read_signatures",
+        "signature_state",
+        "signatures_path",
+    ),
     "writer": ("encode",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
@@ -85,7 +105,9 @@ __all__ = [
     "Provenance",
     "Reference",
     "Registry",
+    "Signature",
     "StoredVersion",
+    "add_signature",
     "contents_of",
     "current_provenance",
     "decode",
@@ -101,14 +123,20 @@ __all__ = [
     "locate_store",
     "lock_text",
     "locked_skill",
+    "make_signature",
     "metadata_of",
     "metadata_schema",
     "parse_reference",
     "read_header",
     "read_lock",
+    "read_private_key",
+    "read_public_key",
+    "read_signatures",
     "read_skill",
     "require_whole",
     "resolve",
+    "signature_state",
+    "signatures_path",
     "write_file",
     "write_lock",
 ]

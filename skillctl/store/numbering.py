@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+SIGNATURE_SUFFIX = ".sig"  # beside a version; it goes with it
 # An empty file `7.removed` remembers that numbers up to 7 were given. Only the highest matters, so only it
 # is kept; where a higher version exists, none.
 _ENTRY = re.compile(r"([1-9][0-9]{0,5})\.(h5|removed)")
@@ -37,6 +38,8 @@ def remove_versions(directory: int, versions: Iterable[int]) -> None:
         os.fsync(directory)
     for version in sorted(doomed):
         os.unlink(f"{version}.h5", dir_fd=directory)
+        with suppress(FileNotFoundError):
+            os.unlink(f"{version}.h5{SIGNATURE_SUFFIX}", dir_fd=directory)
     for number in _numbers(directory, "removed"):
         if number < highest:
             with suppress(FileNotFoundError):

@@ -14,9 +14,11 @@ from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 from skillctl.stability import Certificate, certify
 from skillctl.stability.report import at_least
 from skillctl.store import Lock
+from skillctl.store.signing import SignatureState
 from skillctl.usecases.files import open_skill
+from skillctl.usecases.sign import check_signature
 
-Outcome: TypeAlias = Literal["proved", "not proved", "inconclusive", "unreadable"]
+Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,13 @@ class Requirements:
         scope: ``global``: convergence from everywhere; ``local``: at least from around every attractor.
         period: Every step of a controller with this period must contract, too, [s]; None asks for none.
         min_rate: The decay rate must be at least this, [1/s]; None asks for any.
+        signer: Public key (``ed25519:…``) that must have signed the skill; None asks for no signature.
     """
 
     scope: Literal["global", "local"] = "global"
     period: float | None = None
     min_rate: float | None = None
+    signer: str | None = None
 
     def __post_init__(self) -> None:
         for name, value, unit in (("period", self.period, "seconds"), ("min-rate", self.min_rate, "1/s")):
@@ -70,8 +74,10 @@ class SkillVerdict:
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
         error: Why not.
-        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness.
+        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness;
+            ``not signed``: not refuted, but without the required signature.
         unmet: What of the requirements is not proved, in sentences.
+        signature: What is known of the required signature; None if none is required.
     """
 
     skill: str
@@ -81,6 +87,7 @@ class SkillVerdict:
     error: SkillctlError | None
     outcome: Outcome
     unmet: tuple[str, ...] = ()
+    signature: SignatureState | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +133,7 @@ def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certifica
 def _verdict(reference: str, store: Path | None, lock: Lock | None, required: Requirements) -> SkillVerdict:
     try:
         source = open_skill(reference, store, lock)
+        signed = None if required.signer is None else check_signature(source, required.signer)
     except SkillctlError as error:
         return SkillVerdict(reference, None, None, None, error, "unreadable")
     digest = source.artifact.digest
@@ -134,4 +142,8 @@ def _verdict(reference: str, store: Path | None, lock: Lock | None, required: Re
     outcome: Outcome = "proved"
     if unmet:
         outcome = "inconclusive" if certificate.verdict == "inconclusive" else "not proved"
-    return SkillVerdict(source.name, source.located.path, digest, certificate, None, outcome, unmet)
+    if signed is not None and signed.state != "valid":
+        unmet = (*unmet, f"Required is a signature; {signed.explanation}")
+        outcome = "not proved" if outcome == "not proved" else "not signed"
+    state = None if signed is None else signed.state
+    return SkillVerdict(source.name, source.located.path, digest, certificate, None, outcome, unmet, state)

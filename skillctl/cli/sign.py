@@ -1,0 +1,55 @@
+"""``skillctl sign``."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skillctl.cli import options, render, words
+from skillctl.cli.output import Output
+
+EXAMPLES = """\b
+Example:
+  openssl genpkey -algorithm ed25519 -out key.pem
+  openssl pkey -in key.pem -pubout -out public.pem
+  skillctl sign reach@3 --key key.pem
+  skillctl verify-signature reach@3 --key public.pem"""
+
+
+def sign(
+    context: typer.Context,
+    skill: options.Skill,
+    key: Annotated[
+        Path,
+        typer.Option(
+            metavar="KEY.pem", help="The private key, Ed25519. An encrypted one asks for its password."
+        ),
+    ],
+    store: options.Store = None,
+    locked: options.Locked = False,
+) -> None:
+    """Sign what a skill holds, so that others can see who vouches for it.
+
+    The signature is of the content digest, and lies beside the file, in FILE.h5.sig; the file stays as it is.
+    Several keys can sign one skill. The private key is read and never copied.
+    """
+    from skillctl.usecases.sign import sign as sign_skill
+
+    output: Output = context.obj
+    ask = _ask if sys.stdin is not None and sys.stdin.isatty() else None
+    report = sign_skill(skill, key, store=store, lock=options.chosen_lock(locked), ask=ask)
+    facts = (
+        ("skill", report.skill),
+        ("digest", report.digest),
+        ("signature", f"{words.near(report.path)}{'' if report.created else ' (unchanged)'}"),
+        ("public key", report.key),
+    )
+    output.result(report, lambda: [render.Facts(facts)])
+
+
+def _ask(prompt: str) -> str:
+    return getpass.getpass(f"{prompt}: ")

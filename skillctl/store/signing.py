@@ -1,0 +1,254 @@
+"""Ed25519 signatures of a skill's content: beside its file, in ``F.h5.sig``; the file stays as it is."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.store.errors import InvalidSignaturesError, NotAnArtifactError
+from skillctl.store.files import missing_file, read_once, system_errors, write_file
+from skillctl.store.numbering import SIGNATURE_SUFFIX, locked
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+SignatureState: TypeAlias = Literal["valid", "invalid", "other content", "other key", "unsigned"]
+
+MAX_BYTES = 1 << 16  # of a key, and of all signatures of a skill
+# What is signed begins like this, so that no signature made for another purpose fits.
+DOMAIN = b"skillctl signature of a skill, 1\n"
+
+_LINE = re.compile(r"(ed25519:[0-9a-f]{64}) (sha256:[0-9a-f]{64}) ([0-9a-f]{128})")
+_HEADING = "# Signatures of a skill, written by `skillctl sign`: public key, content digest, signature.\n"
+_MAKE_KEYS = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one"
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """One signature: what a file says, to be believed only once it is verified.
+
+    Attributes:
+        key: Public key of the signer, ``ed25519:…``.
+        digest: Content digest that was signed, ``sha256:…``.
+        value: The signature, in hexadecimal digits.
+    """
+
+    key: str
+    digest: str
+    value: str
+
+
+def signed_message(digest: str) -> bytes:
+    """Return the bytes that a signature of a content digest signs."""
+    return DOMAIN + digest.encode("ascii") + b"\n"
+
+
+def make_signature(digest: str, private_key: Ed25519PrivateKey) -> Signature:
+    """Return the signature of a content digest."""
+    public = f"ed25519:{private_key.public_key().public_bytes_raw().hex()}"
+    return Signature(public, digest, private_key.sign(signed_message(digest)).hex())
+
+
+def signature_state(digest: str, signatures: Iterable[Signature], key: str) -> SignatureState:
+    """Return whether a public key has signed a content digest.
+
+    ``other content``: it did sign, but something else; ``other key``: only others have signed.
+
+    Raises:
+        NotFoundError: ``cryptography`` is not installed.
+    """
+    everything = list(signatures)
+    own = [signature for signature in everything if signature.key == key]
+    if not own:
+        return "other key" if everything else "unsigned"
+    if any(_verifies(signature, key, digest) for signature in own):
+        return "valid"
+    if any(_verifies(signature, key, signature.digest) for signature in own):
+        return "other content"
+    return "invalid"
+
+
+def _verifies(signature: Signature, key: str, digest: str) -> bool:
+    crypto = _cryptography()
+    public = crypto.ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(key.removeprefix("ed25519:")))
+    try:
+        public.verify(bytes.fromhex(signature.value), signed_message(digest))
+    except crypto.InvalidSignature:
+        return False
+    return True
+
+
+def signatures_path(artifact: Path) -> Path:
+    """Return where the signatures of the skill in a file are."""
+    return artifact.with_name(artifact.name + SIGNATURE_SUFFIX)
+
+
+def read_signatures(artifact: Path) -> tuple[Signature, ...]:
+    """Return the signatures beside an artifact; none without the file. None of them is verified.
+
+    Raises:
+        InvalidSignaturesError: The file holds something else.
+        StoreError: The system does not let us read it.
+    """
+    path = signatures_path(artifact)
+    try:
+        lines = read_once(path, MAX_BYTES).decode("ascii").splitlines()
+    except NotFoundError:
+        return ()
+    except NotAnArtifactError as error:
+        reason = "too long" if error.reason.startswith("larger") else error.reason
+        raise InvalidSignaturesError(str(path), reason) from None
+    except UnicodeDecodeError:
+        raise InvalidSignaturesError(str(path), "not ASCII") from None
+    found = []
+    for number, line in enumerate(lines, start=1):
+        if not line or line.startswith("#"):
+            continue
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise InvalidSignaturesError(str(path), f"line {number} is not a signature")
+        found.append(Signature(match[1], match[2], match[3]))
+    return tuple(found)
+
+
+def add_signature(artifact: Path, signature: Signature) -> bool:
+    """Put a signature beside an artifact; return False if it was there.
+
+    Signatures of the same content by others stay, those of what the file held before go.
+
+    Raises:
+        InvalidSignaturesError: What is there holds something else; it is left as it is.
+        StoreError: No permission, no space.
+    """
+    with system_errors(f"sign {artifact}"):
+        directory = os.open(artifact.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            with locked(directory):  # two signers at once must not lose one
+                there = read_signatures(artifact)
+                if signature in there:
+                    return False
+                kept = [s for s in there if s.digest == signature.digest and s.key != signature.key]
+                write_file(signatures_path(artifact), _text([*kept, signature]).encode("ascii"))
+        finally:
+            os.close(directory)
+    return True
+
+
+def _text(signatures: Iterable[Signature]) -> str:
+    lines = sorted(f"{signature.key} {signature.digest} {signature.value}\n" for signature in signatures)
+    return "".join([_HEADING, *lines])
+
+
+def read_private_key(path: Path, ask: Callable[[str], str] | None = None) -> Ed25519PrivateKey:
+    """Return the private key in a PEM file.
+
+    Args:
+        path: The file.
+        ask: Asks for the password of an encrypted key; None where nobody can be asked.
+
+    Raises:
+        NotFoundError: No such file, or ``cryptography`` is not installed.
+        InputDataError: Not an Ed25519 private key, or an encrypted one that cannot be decrypted.
+        StoreError: The file cannot be read.
+    """
+    crypto = _cryptography()
+    data = _key_bytes(path)
+    if b"PUBLIC KEY" in data:
+        raise InputDataError(
+            f"{printable(str(path))} holds a public key; signing takes the private one.",
+            hint="Name the file that was made by `openssl genpkey`.",
+        )
+    password: bytes | None = None
+    if b"ENCRYPTED" in data:
+        if ask is None:
+            raise InputDataError(
+                f"{printable(str(path))} is encrypted, and there is no terminal to ask for its password on.",
+                hint="Sign at a terminal, or with a key of its own for the pipeline.",
+            )
+        password = ask(f"Password of {printable(str(path))}").encode()
+    try:
+        key = crypto.serialization.load_pem_private_key(data, password)
+    except (ValueError, TypeError, crypto.UnsupportedAlgorithm):
+        wrong = "the password is wrong, or " if password is not None else ""
+        raise InputDataError(
+            f"{printable(str(path))}: {wrong}this is not a private key in PEM form.",
+            hint=f"{_MAKE_KEYS}.",
+        ) from None
+    if not isinstance(key, crypto.ed25519.Ed25519PrivateKey):
+        raise _other_kind(path, key)
+    private_key: Ed25519PrivateKey = key
+    return private_key
+
+
+def read_public_key(path: Path) -> str:
+    """Return the public key in a PEM file, ``ed25519:…``.
+
+    Raises:
+        NotFoundError: No such file, or ``cryptography`` is not installed.
+        InputDataError: Not an Ed25519 public key.
+        StoreError: The file cannot be read.
+    """
+    crypto = _cryptography()
+    data = _key_bytes(path)
+    extract = "`openssl pkey -in key.pem -pubout -out public.pem` writes the public key of a private one."
+    if b"PRIVATE KEY" in data:
+        raise InputDataError(
+            f"{printable(str(path))} holds a private key; verifying takes the public one.",
+            hint=f"Keep it secret. {extract}",
+        )
+    try:
+        key = crypto.serialization.load_pem_public_key(data)
+    except (ValueError, TypeError, crypto.UnsupportedAlgorithm):
+        raise InputDataError(
+            f"{printable(str(path))} is not a public key in PEM form.", hint=extract
+        ) from None
+    if not isinstance(key, crypto.ed25519.Ed25519PublicKey):
+        raise _other_kind(path, key)
+    return f"ed25519:{key.public_bytes_raw().hex()}"
+
+
+def _other_kind(path: Path, key: object) -> InputDataError:
+    kind = type(key).__name__.lstrip("_").removesuffix("PrivateKey").removesuffix("PublicKey")
+    return InputDataError(
+        f"{printable(str(path))} holds a key of the kind {kind}; expected Ed25519.", hint=f"{_MAKE_KEYS}."
+    )
+
+
+def _key_bytes(path: Path) -> bytes:
+    """Return what a key file holds; keys may lie behind links and in pipes."""
+    with system_errors(f"read {path}"):
+        try:
+            with path.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)
+        except FileNotFoundError:
+            raise missing_file(path) from None
+    if len(data) > MAX_BYTES:
+        raise InputDataError(f"{printable(str(path))} is too large for a key.", hint="Name the key's file.")
+    return data
+
+
+class _Cryptography:
+    """What is used of the package ``cryptography``, imported when a key is."""
+
+    def __init__(self) -> None:
+        from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+        from cryptography.hazmat.primitives import serialization
+        from cryptography.hazmat.primitives.asymmetric import ed25519
+
+        self.InvalidSignature, self.UnsupportedAlgorithm = InvalidSignature, UnsupportedAlgorithm
+        self.serialization, self.ed25519 = serialization, ed25519
+
+
+def _cryptography() -> _Cryptography:
+    try:
+        return _Cryptography()
+    except ImportError as error:
+        raise NotFoundError(
+            "the package cryptography is not installed; only signatures need it.",
+            hint="pip install 'skillctl[sign]'",
+        ) from error
