@@ -1,0 +1,148 @@
+"""The figure of a fit: paths and speeds of every demonstration against the skill's motion from its start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from skillctl.model import Demonstration
+from skillctl.plotting.panels import Draw, course, draw_paths, frame, latest_of
+from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
+from skillctl.plotting.skill import WIDTH, scale_of
+from skillctl.plotting.style import DEMONSTRATED, HELD, MOVED, drawing, entries, legend, named, tidy
+
+MOST_PROFILES = 12  # panels of speed; paths are drawn of all
+ACROSS = 4
+
+
+def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Sequence[Motion] = ()) -> Figure:
+    """Return the figure of a fit.
+
+    Args:
+        portrait: The learned skill, with at least one demonstration.
+        errors: Mean DTW distance to each of its demonstrations, in the unit of the space; None if unknown.
+        left_out: For each demonstration, the motion from its start of a skill that was learned without it;
+            empty if nobody asked.
+    """
+    shown = portrait.demonstrations[:MOST_PROFILES]
+    dimension = portrait.skill.dimension
+    rows = math.ceil(len(shown) / ACROSS)
+    portrait = _boxed(portrait, left_out)
+    draws = _path_panels(dimension)
+    tall = _height_of_paths(portrait, len(draws))
+    with drawing():
+        scale = scale_of([portrait])
+        figure = Figure((WIDTH, tall + 1.45 * rows + 1.0), layout="constrained")
+        upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(tall, 1.45 * rows + 0.3)).flat
+        paths = upper.subplots(math.ceil(len(draws) / 3), min(len(draws), 3), squeeze=False)
+        for axes, draw in zip(paths.flat, draws, strict=False):
+            draw(axes, portrait, scale)
+            _draw_left_out(axes, left_out, draws.index(draw), dimension, scale)
+        for axes in list(paths.flat)[len(draws) :]:
+            axes.remove()
+        profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
+        for index, (axes, demonstration) in enumerate(zip(profiles.flat, shown, strict=False)):
+            held = left_out[index] if left_out else None
+            _draw_profile(axes, demonstration, portrait.motions[index], held, scale)
+            axes.set_title(
+                f"{named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
+            )
+        _label_outer(profiles, len(shown), scale, latest_of(portrait))
+        count = len(portrait.demonstrations)
+        some = f", speeds of the first {len(shown)} of {count}" if count > len(shown) else ""
+        figure.suptitle(f"{named(portrait.name)}: demonstrations and motions from their starts{some}")
+        legend(figure, _explained(bool(left_out), dimension))
+    return figure
+
+
+def _error(distance: float | None, portrait: Portrait) -> str:
+    if distance is None:
+        return "DTW –"
+    unit = portrait.skill.space.unit
+    return f"DTW {1e3 * distance:.2f} mm" if unit == "m" else f"DTW {distance:.3g} {unit}"
+
+
+def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:
+    """Return the portrait with a box around all that the figure shows."""
+    points = [portrait.goals, *(d.positions for d in portrait.demonstrations)]
+    points += [motion.positions for motion in portrait.motions]
+    points += [each.positions for each in left_out]
+    low, high = box_around(np.vstack(points))
+    return replace(portrait, low=low, high=high)
+
+
+def _path_panels(dimension: int) -> tuple[Draw, ...]:
+    if dimension == 2:
+        return (_paths(0, 1),)
+    if dimension == 3:
+        return _paths(0, 1), _paths(0, 2), _paths(1, 2)
+    return tuple(course(i) for i in range(dimension))
+
+
+def _paths(i: int, j: int) -> Draw:
+    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+        frame(axes, portrait, (i, j), scale)
+        draw_paths(axes, portrait, (i, j), scale)
+
+    return draw
+
+
+def _height_of_paths(portrait: Portrait, panels: int) -> float:
+    """Return the height of the panels of paths, [inch]."""
+    span = portrait.high - portrait.low
+    if panels == 1 and len(span) == 2:
+        return min(0.62 * WIDTH * float(span[1] / span[0]), 5.0) + 0.5
+    return 2.7 if len(span) == 3 else 1.9 * math.ceil(panels / 3)
+
+
+def _draw_left_out(axes: Axes, left_out: Sequence[Motion], panel: int, dimension: int, scale: Scale) -> None:
+    pairs = ((0, 1), (0, 2), (1, 2))
+    for each in left_out:
+        points = scale.factor * each.positions
+        if dimension in (2, 3):
+            i, j = pairs[panel]
+            axes.plot(points[:, i], points[:, j], **HELD)
+        else:
+            axes.plot(each.times, points[:, panel], **HELD)
+
+
+def _draw_profile(
+    axes: Axes, demonstration: Demonstration, motion: Motion, held: Motion | None, scale: Scale
+) -> None:
+    """Draw speeds over time; the skill has no clock, so only shape and size are to be compared."""
+    times = demonstration.times - demonstration.times[0]
+    speeds = np.linalg.norm(demonstration.velocities, axis=1)
+    # The last sample closes the gap that trimming left before the point of rest; it has no speed of its own.
+    axes.plot(times[:-1], scale.factor * speeds[:-1], **DEMONSTRATED)
+    axes.plot(motion.times, scale.factor * motion.speeds, **MOVED)
+    if held is not None:
+        axes.plot(held.times, scale.factor * held.speeds, **HELD)
+
+
+def _label_outer(profiles: Any, count: int, scale: Scale, latest: float) -> None:
+    axes = list(profiles.flat)
+    for unused in axes[count:]:
+        unused.remove()
+    for index in range(count):
+        if index + ACROSS >= count:
+            axes[index].set_xlabel("time [s]")
+            axes[index].tick_params(labelbottom=True)
+        if index % ACROSS == 0:
+            axes[index].set_ylabel(f"speed [{scale.unit}/s]")
+    tidy(axes[:count])
+    axes[0].set_xlim(0, latest)
+    axes[0].set_ylim(bottom=0)
+
+
+def _explained(left_out: bool, dimension: int) -> dict[str, Any]:
+    known = entries()
+    wanted = ["demonstration", "motion of the skill"]
+    wanted += ["learned without that demonstration"] if left_out else []
+    wanted += ["start", "attractor"] if dimension in (2, 3) else []
+    return {name: known[name] for name in wanted}

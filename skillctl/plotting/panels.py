@@ -1,0 +1,242 @@
+"""The panels of figures: a skill in its plane, seen from one side, or coordinate by coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Ellipse
+
+from skillctl.arrays import FloatArray
+from skillctl.model import CombinedSkill
+from skillctl.model.mixture import GaussianMixture
+from skillctl.plotting.flow import draw_flow, grid
+from skillctl.plotting.portrait import Motion, Portrait, Scale
+from skillctl.plotting.style import (
+    DEMONSTRATED,
+    DENSITY,
+    GOAL,
+    INK,
+    MOVED,
+    PARTS,
+    QUIET,
+    STARTED,
+    named,
+    to_tint,
+)
+
+DEVIATIONS = 2.0  # standard deviations an ellipse reaches
+REGION_GRID = 220  # points a side; borders between regions are drawn as smooth as that
+LEVELS = 6  # contours of V between the attractor and the farthest corner
+
+Draw = Callable[[Axes, Portrait, Scale], None]
+
+
+def label(portrait: Portrait, axis: int, scale: Scale) -> str:
+    """Return the label of a coordinate, with its unit."""
+    return f"{named(portrait.skill.space.names[axis])} [{scale.unit}]"
+
+
+def draw_plane(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    """Draw a 2-D skill: regions, V, field, density, demonstrations, motions, attractors."""
+    frame(axes, portrait, (0, 1), scale)
+    draw_regions(axes, portrait, scale)
+    draw_levels(axes, portrait, scale)
+    draw_flow(axes, portrait.skill, portrait.low, portrait.high, scale)
+    draw_densities(axes, portrait, (0, 1), scale)
+    draw_paths(axes, portrait, (0, 1), scale)
+
+
+def side(i: int, j: int) -> Draw:
+    """Return the function that draws a skill of three dimensions, seen so that i points right and j up."""
+
+    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+        frame(axes, portrait, (i, j), scale)
+        draw_densities(axes, portrait, (i, j), scale)
+        draw_paths(axes, portrait, (i, j), scale)
+
+    return draw
+
+
+def course(i: int) -> Draw:
+    """Return the function that draws coordinate i against time."""
+
+    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+        for shown in portrait.demonstrations:
+            times = shown.times - shown.times[0]
+            axes.plot(times, scale.factor * shown.positions[:, i], **DEMONSTRATED)
+        for motion in portrait.motions:
+            axes.plot(motion.times, scale.factor * motion.positions[:, i], **MOVED)
+        for goal in portrait.goals:
+            axes.axhline(scale.factor * goal[i], color=INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
+        axes.set(xlabel="time [s]", ylabel=label(portrait, i, scale))
+        axes.set_xlim(0, latest_of(portrait))
+
+    return draw
+
+
+def draw_line_field(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    """Draw a 1-D skill: its velocity over its coordinate, with that of the demonstrations."""
+    x = np.linspace(portrait.low[0], portrait.high[0], 400)
+    field = portrait.skill.velocity(x[:, None])[:, 0]
+    for shown in portrait.demonstrations:
+        axes.plot(scale.factor * shown.positions[:, 0], scale.factor * shown.velocities[:, 0], **DEMONSTRATED)
+    axes.plot(scale.factor * x, scale.factor * field, **MOVED)
+    axes.axhline(0, color=QUIET, lw=0.7, zorder=1)
+    axes.plot(scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **GOAL)
+    axes.set(xlabel=label(portrait, 0, scale), ylabel=f"velocity [{scale.unit}/s]")
+
+
+def columns_of(portrait: Portrait) -> tuple[Draw, ...]:
+    """Return the panels that show a skill: one for a plane, three views of space, else coordinates."""
+    dimension = portrait.skill.dimension
+    if dimension == 2:
+        return (draw_plane,)
+    if dimension == 3:
+        return (side(0, 1), side(0, 2), side(1, 2))
+    return tuple(course(i) for i in range(dimension))
+
+
+def frame(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
+    """Set limits, labels and equal aspect for two coordinates."""
+    i, j = pair
+    low, high = scale.factor * portrait.low, scale.factor * portrait.high
+    axes.set(xlabel=label(portrait, i, scale), ylabel=label(portrait, j, scale))
+    axes.set_aspect("equal")
+    axes.set_xlim(low[i], high[i])
+    axes.set_ylim(low[j], high[j])
+
+
+def draw_paths(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
+    """Draw demonstrations, motions, starts and attractors in two coordinates."""
+    for shown in portrait.demonstrations:
+        axes.plot(*_pair(shown.positions, pair, scale), **DEMONSTRATED)
+    draw_motions(axes, portrait.motions, pair, scale)
+    for colour, starts in starts_of(portrait):
+        axes.plot(*_pair(starts, pair, scale), **{**STARTED, "mfc": colour})
+    axes.plot(*_pair(portrait.goals, pair, scale), **GOAL)
+
+
+def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
+    """Yield starts (n, d) and their colour: of a combined skill, that of the part which they select."""
+    skill, starts = portrait.skill, np.array([motion.positions[0] for motion in portrait.motions])
+    if not isinstance(skill, CombinedSkill):
+        yield "white", starts
+        return
+    selected = skill.part_at(starts)
+    for index in np.unique(selected).tolist():
+        yield PARTS[index % len(PARTS)], starts[selected == index]
+
+
+def draw_motions(axes: Axes, motions: Sequence[Motion], pair: tuple[int, int], scale: Scale) -> None:
+    """Draw motions in two coordinates."""
+    for motion in motions:
+        axes.plot(*_pair(motion.positions, pair, scale), **MOVED)
+
+
+def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
+    """Draw the ellipses of the position densities, seen in two coordinates."""
+    several = isinstance(portrait.skill, CombinedSkill)
+    for index, part in enumerate(portrait.members):
+        colour = PARTS[index % len(PARTS)] if several else DENSITY
+        # Parts made from one skill have ellipses in common; dashes leave the one below in sight.
+        dash = (0, (3, 3)) if index else "-"
+        for centre, width, height, angle in ellipses(part.density, pair):
+            axes.add_patch(
+                Ellipse(
+                    tuple((scale.factor * centre).tolist()),
+                    scale.factor * width,
+                    scale.factor * height,
+                    angle=angle,
+                    facecolor=to_tint(colour, 0.08 if several else 0.13),
+                    edgecolor=colour,
+                    lw=1.1 if several else 0.8,
+                    ls=dash,
+                    zorder=2.0,
+                )
+            )
+
+
+def ellipses(
+    density: GaussianMixture, pair: tuple[int, int]
+) -> Iterator[tuple[FloatArray, float, float, float]]:
+    """Yield centre (2,), width, height and angle [degrees] of each component's ellipse in two coordinates.
+
+    A Gaussian's marginal keeps the rows and columns of its coordinates; the ellipse reaches 2σ.
+    """
+    chosen = np.ix_(pair, pair)
+    for mean, covariance in zip(density.means, density.covariances, strict=True):
+        variances, directions = np.linalg.eigh(covariance[chosen])
+        height, width = 2 * DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
+        angle = float(np.degrees(np.arctan2(directions[1, 1], directions[0, 1])))
+        yield mean[list(pair)], float(width), float(height), angle
+
+
+def draw_regions(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    """Tint the region of each part of a combined 2-D skill, and draw the borders between them."""
+    for index, (x, y, lead) in enumerate(_leads(portrait, scale)):
+        colour = PARTS[index % len(PARTS)]
+        axes.contourf(x, y, lead, levels=[0, 1e6], colors=[to_tint(colour, 0.22)], zorder=0.2)
+    draw_borders(axes, portrait, scale)
+
+
+def draw_borders(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    """Draw the borders between the regions of a combined 2-D skill; nothing for other skills."""
+    for x, y, lead in _leads(portrait, scale):
+        if lead.min() < 0 < lead.max():
+            axes.contour(x, y, lead, levels=[0], colors=[INK], linewidths=0.6, zorder=1.5)
+
+
+def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Yield per part a grid and its lead over the other parts there; it acts where that is positive."""
+    skill = portrait.skill
+    if not isinstance(skill, CombinedSkill):
+        return
+    x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
+    scores = skill.part_scores(places)
+    for index in range(len(skill.parts)):
+        others = np.delete(scores, index, axis=1)
+        lead = np.clip(scores[:, index] - others.max(axis=1, initial=-np.inf), -1e3, 1e3)
+        yield scale.factor * x, scale.factor * y, lead.reshape(len(y), len(x))
+
+
+def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    """Draw levels of V at equal steps of distance; each part's own where it acts."""
+    x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
+    skill = portrait.skill
+    acting = skill.part_at(places) if isinstance(skill, CombinedSkill) else np.zeros(len(places), np.int64)
+    shared = all(_same_distance(part, portrait.members[0]) for part in portrait.members)
+    for index, part in enumerate(portrait.members[: 1 if shared else None]):
+        offsets = places - part.attractor
+        distances = np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets))
+        if not shared:
+            distances[acting != index] = np.nan
+        if np.isfinite(distances).any():
+            levels = np.linspace(0, float(np.nanmax(distances)), LEVELS + 1)[1:-1]
+            field = np.ma.masked_invalid(distances).reshape(len(y), len(x))
+            axes.contour(
+                scale.factor * x,
+                scale.factor * y,
+                field,
+                levels=levels,
+                colors=[QUIET],
+                linewidths=0.8,
+                linestyles=":",
+                zorder=1.2,
+            )
+
+
+def _same_distance(one: object, other: object) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("lyapunov", "attractor"))
+
+
+def _pair(positions: FloatArray, pair: tuple[int, int], scale: Scale) -> tuple[FloatArray, FloatArray]:
+    return scale.factor * positions[:, pair[0]], scale.factor * positions[:, pair[1]]
+
+
+def latest_of(portrait: Portrait) -> float:
+    """Return the time up to which motions are worth showing, [s]: the last samples only creep."""
+    ends = [d.duration for d in portrait.demonstrations]
+    arrivals = [float(motion.times[-1]) for motion in portrait.motions]
+    return min(2 * max(ends), max([*ends, *arrivals])) if ends else max(arrivals)

@@ -1,0 +1,154 @@
+"""What a figure shows of a skill: demonstrations, motions from their starts, and the box around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.model import CombinedSkill, Demonstration, DemonstrationSet, Skill, StateSpace, rollout
+from skillctl.model.contraction import contraction_periods
+from skillctl.model.skill import MergedSkill, SedsSkill, attractors_of, density_of
+
+STEPS = 1000  # of a motion as long as the longest demonstration
+PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands
+MOST_STEPS = 20_000  # bounds the cost to a second or two
+LOST = 20.0  # a motion this many boxes away has left the picture
+MARGIN = 0.1  # of the box around everything, left free on each side
+SLIMMEST = 0.55  # shortest side of the box, as a share of the longest
+POINTS = 300  # drawn of one motion; more cannot be seen
+CENTIMETRES = 0.3  # extents below this many metres are told in millimetres
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One motion of a skill: times (T,) [s], positions (T, d), the part that acted at its end, from 0."""
+
+    times: FloatArray
+    positions: FloatArray
+    part: int
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Speed by central differences, shape (T,), in the unit of the space per second."""
+        if len(self.times) < 2:
+            return np.zeros(len(self.times))
+        return np.asarray(np.linalg.norm(np.gradient(self.positions, self.times, axis=0), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """How lengths are told: in metres, millimetres or radians."""
+
+    factor: float
+    unit: str
+
+    @classmethod
+    def of(cls, space: StateSpace, extent: float) -> Scale:
+        """Return the scale for things of an extent in the unit of the space."""
+        return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Portrait:
+    """A skill as figures show it.
+
+    Attributes:
+        name: For its title.
+        skill: The skill.
+        demonstrations: Those that it carries.
+        motions: One from the start of each; without demonstrations, one from each centre of its density.
+        low, high: Corners of the box around all of them and the attractors, with a margin. Shape (d,).
+    """
+
+    name: str
+    skill: Skill
+    demonstrations: tuple[Demonstration, ...]
+    motions: tuple[Motion, ...]
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def members(self) -> tuple[SedsSkill | MergedSkill, ...]:
+        """The parts of which one acts at a time; a skill that is not combined is its own."""
+        return self.skill.parts if isinstance(self.skill, CombinedSkill) else (self.skill,)
+
+    @property
+    def goals(self) -> FloatArray:
+        """Where motions end. Shape (n, d)."""
+        return attractors_of(self.skill)
+
+
+def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
+    """Return the portrait of a skill and the demonstrations that its leaves carry."""
+    shown = tuple(motion for members in taught if members is not None for motion in members)
+    density = density_of(skill)
+    starts = np.stack([d.positions[0] for d in shown]) if shown else density.means
+    longest = max((d.duration for d in shown), default=None)
+    motions = motions_from(skill, starts, longest)
+    spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
+    around = [d.positions for d in shown] or [density.means - spread, density.means + spread]
+    inner = np.vstack([*around, attractors_of(skill)])
+    near = [_inside(motion.positions, inner) for motion in motions]
+    low, high = box_around(np.vstack([inner, *near]))
+    return Portrait(name, skill, shown, motions, low, high)
+
+
+def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None) -> tuple[Motion, ...]:
+    """Return the motions of a skill from starts (n, d), each until it arrives or is lost sight of.
+
+    Args:
+        skill: The skill.
+        starts: Shape (n, d).
+        longest: Duration of the longest demonstration, [s]; None takes the skill's own pace.
+    """
+    period = _period(skill) if longest is None else min(longest / STEPS, _period(skill))
+    duration = min(PATIENCE * (longest or STEPS * period), MOST_STEPS * period)
+    with np.errstate(over="ignore", invalid="ignore"):  # a skill without proof may leave all bounds
+        result = rollout(skill, starts, duration=duration, period=period)
+    motions = []
+    for index in range(len(starts)):
+        times, positions = result.trajectory(index)
+        usable = np.isfinite(positions).all(axis=1)
+        end = len(times) if usable.all() else int(np.argmin(usable))
+        picked = np.unique(np.linspace(0, end - 1, POINTS).astype(np.int64))
+        motions.append(Motion(times[picked], positions[picked], int(result.parts[index])))
+    return tuple(motions)
+
+
+def joint_box(portraits: Sequence[Portrait]) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of the box around several portraits."""
+    lows, highs = [p.low for p in portraits], [p.high for p in portraits]
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of a box around points (n, d), with a margin, no side much shorter than others."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = float((high - low).max()) or 1.0
+    half = 0.5 * np.maximum(high - low, SLIMMEST * longest) + MARGIN * longest
+    middle = 0.5 * (low + high)
+    return middle - half, middle + half
+
+
+def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
+    """Return those positions that are not lost sight of."""
+    low, high = inner.min(axis=0), inner.max(axis=0)
+    reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
+    near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
+    return np.asarray(positions[near])
+
+
+def _period(skill: Skill) -> float:
+    """Return a step that resolves the fastest component, and at which proved ones contract."""
+    outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
+    members = skill.parts if isinstance(skill, CombinedSkill) else (skill,)
+    steps = []
+    for part in members:
+        matrices = outer * part.component_matrices
+        fastest = float(np.linalg.norm(matrices, 2, axis=(1, 2)).max())
+        steps.append(0.25 / fastest if fastest > np.finfo(np.float64).tiny else 1.0)
+        steps += [0.5 * step for step in contraction_periods(part.lyapunov, matrices).tolist() if step > 0]
+    return min(steps)

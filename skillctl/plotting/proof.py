@@ -1,0 +1,239 @@
+"""Figures of certificates: where and how fast V shrinks, beside what is proved of it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.patches import Circle
+
+from skillctl.arrays import FloatArray
+from skillctl.plotting.decay import Bounds, decay, distances
+from skillctl.plotting.flow import grid
+from skillctl.plotting.panels import draw_borders, frame
+from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around, motions_from
+from skillctl.plotting.skill import WIDTH, scale_of
+from skillctl.plotting.style import (
+    FAINT,
+    GOAL,
+    INK,
+    LOST,
+    LOWEST,
+    MOVED,
+    PROVED,
+    WITNESS,
+    Line,
+    drawing,
+    entries,
+    legend,
+    logarithmic,
+    named,
+    tidy,
+)
+
+FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middle is one
+# Of the rates: the same for every kind of eye; without the darkest fifth, so that black lines can be seen.
+COLOURS = ListedColormap(matplotlib.colormaps["cividis"](np.linspace(0.2, 1.0, 256)))
+RATE = "decay rate −V̇ / 2V [1/s]"
+RANGE = 1e4  # from the largest decay rate shown in its own colour down to the smallest
+SMALLEST_SHARE = 1e-4  # of the distance at the start; below it motions have arrived
+
+
+def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
+    """Return the figure of certificates, one row a skill.
+
+    Each row: in two dimensions a map of the decay rate −V̇ / 2V, in three its slices through the attractor;
+    and for every dimension how √V shrinks along motions, beside what is proved.
+    """
+    heights = [_height(portrait) for portrait, _ in proofs]
+    with drawing():
+        figure = Figure((WIDTH + 1.6, sum(heights) + 0.7), layout="constrained")
+        rows = figure.subfigures(len(proofs), 1, squeeze=False, height_ratios=heights).flat
+        for row, (portrait, bounds) in zip(rows, proofs, strict=True):
+            lost = _witness(portrait, bounds)
+            dimension = portrait.skill.dimension
+            if dimension == 2:
+                map_axes, courses = row.subplots(1, 2, width_ratios=(1.5, 1))
+                _draw_map(map_axes, portrait, bounds, lost)
+            elif dimension == 3:
+                *slices, courses = row.subplots(2, 2).flat
+                _draw_slices(slices, portrait, bounds, lost)
+            else:
+                courses = row.subplots()
+            _draw_courses(courses, portrait, bounds, lost)
+            row.suptitle(f"{named(portrait.name)}: {bounds.verdict}")
+        legend(figure, _explained(proofs), columns=3)
+    return figure
+
+
+def _witness(portrait: Portrait, bounds: Bounds) -> Motion | None:
+    """Return the motion that reaches no attractor, if one was found."""
+    if bounds.witness is None:
+        return None
+    longest = max((motion.times[-1] for motion in portrait.motions), default=None)
+    return motions_from(portrait.skill, np.array([bounds.witness]), longest)[0]
+
+
+def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
+    """Draw the decay rate over the plane, its zero level, its lowest point, radii and witness."""
+    if lost is not None:
+        low, high = box_around(np.vstack([portrait.low, portrait.high, lost.positions[:1]]))
+        portrait = replace(portrait, low=low, high=high)
+    scale = scale_of([portrait])
+    x, y, places = grid(portrait.low, portrait.high, FINENESS[2])
+    rates = decay(portrait.skill, places)
+    image = _draw_rates(axes, rates.reshape(len(y), len(x)), portrait, (0, 1), scale, _limits(rates))
+    bar = axes.figure.colorbar(image, ax=axes, label=RATE, extend=_extend(rates), shrink=0.8)
+    logarithmic(bar.ax.yaxis)
+    draw_borders(axes, portrait, scale)
+    _draw_marks(axes, portrait, bounds, lost, (0, 1), scale)
+    if np.isfinite(rates).any():
+        lowest = int(np.nanargmin(rates))
+        axes.plot(*(scale.factor * places[lowest]), **LOWEST)
+        axes.set_title(f"lowest here: {rates[lowest]:.3g} 1/s")
+
+
+def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
+    """Draw the decay rate in three planes through the first attractor; the lowest is looked for in space."""
+    scale, through = scale_of([portrait]), portrait.goals[0]
+    sides = [np.linspace(portrait.low[i], portrait.high[i], FINENESS[3]) for i in range(3)]
+    space = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    rates = decay(portrait.skill, space)
+    limits = _limits(rates)
+    for each, pair in zip(axes, itertools.combinations(range(3), 2), strict=True):
+        i, j = pair
+        x, y, flat = grid(portrait.low[[i, j]], portrait.high[[i, j]], 2 * FINENESS[3] - 1)
+        places = np.tile(through, (len(flat), 1))
+        places[:, [i, j]] = flat
+        plane = decay(portrait.skill, places).reshape(len(y), len(x))
+        image = _draw_rates(each, plane, portrait, pair, scale, limits)
+        _draw_marks(each, portrait, bounds, lost, pair, scale)
+        (rest,) = {0, 1, 2} - {i, j}
+        where = f"{scale.factor * through[rest]:.3g} {scale.unit}"
+        each.set_title(f"{named(portrait.skill.space.names[rest])} = {where}")
+        if np.isfinite(rates).any():
+            lowest = int(np.nanargmin(rates))
+            each.plot(*(scale.factor * space[lowest][[i, j]]), **LOWEST)
+    told = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
+    bar = axes[0].figure.colorbar(
+        image, ax=list(axes), label=told, extend=_extend(rates), location="left", shrink=0.7
+    )
+    logarithmic(bar.ax.yaxis)
+
+
+def _extend(rates: FloatArray) -> str:
+    """Return where the colour bar gets an arrow: below, if some rate is not positive."""
+    return "min" if np.nanmin(rates) <= 0 else "neither"
+
+
+def _limits(rates: FloatArray) -> tuple[float, float]:
+    """Return the smallest and largest rate with a colour of its own, [1/s]; both positive."""
+    positive = rates[rates > 0]
+    if not len(positive):
+        return 1e-3, 1.0
+    top = float(np.quantile(positive, 0.99))
+    return max(float(positive.min()), top / RANGE), max(top, 1.001 * float(positive.min()))
+
+
+def _draw_rates(
+    axes: Axes,
+    rates: FloatArray,
+    portrait: Portrait,
+    pair: tuple[int, int],
+    scale: Scale,
+    limits: tuple[float, float],
+) -> AxesImage:
+    """Draw rates on a grid (y, x); what is not positive in a colour of its own, with a line around it."""
+    i, j = pair
+    low, high = scale.factor * portrait.low, scale.factor * portrait.high
+    colours = COLOURS.with_extremes(under=WITNESS, bad="white")
+    extent = (low[i], high[i], low[j], high[j])
+    frame(axes, portrait, pair, scale)
+    image = axes.imshow(
+        np.where(rates > 0, rates, np.where(np.isnan(rates), np.nan, 0.5 * limits[0])),
+        extent=extent,
+        origin="lower",
+        cmap=colours,
+        norm=LogNorm(*limits),
+        interpolation="nearest",
+        zorder=0.1,
+    )
+    if np.nanmin(rates) < 0 < np.nanmax(rates):
+        axes.contour(np.nan_to_num(rates), levels=[0], extent=extent, colors=[INK], linewidths=1.0)
+    return image
+
+
+def _draw_marks(
+    axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None, pair: tuple[int, int], scale: Scale
+) -> None:
+    """Draw demonstrations faintly, attractors, certified radii and the witness."""
+    i, j = pair
+    for motion in portrait.motions:
+        axes.plot(scale.factor * motion.positions[:, i], scale.factor * motion.positions[:, j], **FAINT)
+    axes.plot(scale.factor * portrait.goals[:, i], scale.factor * portrait.goals[:, j], **GOAL)
+    for part, radius in zip(portrait.members, bounds.radii, strict=True):
+        if radius is not None:
+            centre = scale.factor * part.attractor[[i, j]]
+            axes.add_patch(
+                Circle(tuple(centre.tolist()), scale.factor * radius, fc="none", ec="white", lw=1.4, zorder=6)
+            )
+    if lost is not None:
+        axes.plot(scale.factor * lost.positions[:, i], scale.factor * lost.positions[:, j], **LOST)
+        axes.plot(*(scale.factor * lost.positions[0, [i, j]]), "o", mfc="white", mec=WITNESS, ms=5, zorder=8)
+
+
+def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
+    """Draw how √V shrinks along motions, on a logarithmic scale, where the proved rate is a straight line."""
+    latest = max(float(motion.times[-1]) for motion in portrait.motions)
+    for motion in portrait.motions:
+        _draw_shares(axes, portrait, motion, {**MOVED, "lw": 0.8, "zorder": 3.0})
+    if lost is not None:
+        _draw_shares(axes, portrait, lost, LOST)
+        latest = max(latest, float(lost.times[-1]))
+    if bounds.rate is not None:
+        times = np.linspace(0, latest, 50)
+        axes.plot(times, np.exp(-bounds.rate * times), **PROVED)
+    axes.set(xlabel="time [s]", ylabel="√V, as a share of that at the start", yscale="log")
+    axes.set_xlim(0, latest)
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], SMALLEST_SHARE), top=max(axes.get_ylim()[1], 1.5))
+    logarithmic(axes.yaxis)
+    axes.grid(True, color="#DDDDDD", lw=0.5)
+    tidy([axes])
+
+
+def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, line: Line) -> None:
+    shrinking = distances(portrait.skill, motion)
+    if shrinking[0] > 0:
+        axes.plot(motion.times, np.maximum(shrinking / shrinking[0], 1e-12), **line)
+
+
+def _height(portrait: Portrait) -> float:
+    """Return the height of a skill's row, [inch]."""
+    span = portrait.high - portrait.low
+    if len(span) == 2:
+        return min(max(4.4 * float(span[1] / span[0]), 2.6), 6.0) + 0.7
+    return 6.4 if len(span) == 3 else 3.2
+
+
+def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
+    """Return the entries of the legend: what these figures show, and nothing else."""
+    known = entries()
+    wanted = ["motion of the skill"]
+    if any(bounds.rate is not None for _, bounds in proofs):
+        wanted.append("proved: no motion is slower")
+    if any(bounds.witness is not None for _, bounds in proofs):
+        wanted.append("witness: reaches no attractor")
+    if any(portrait.skill.dimension in (2, 3) for portrait, _ in proofs):
+        wanted += ["attractor", "lowest decay rate"]
+    handles: dict[str, Any] = {name: known[name] for name in wanted}
+    if any(radius is not None for _, bounds in proofs for radius in bounds.radii):
+        handles["proved radius"] = known["proved radius"]
+    return handles

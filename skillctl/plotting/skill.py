@@ -1,0 +1,200 @@
+"""Figures of one skill, and of a skill beside those it was made from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
+
+from skillctl.arrays import FloatArray
+from skillctl.model import CombinedSkill
+from skillctl.plotting.flow import widest_speed
+from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_plane, label, starts_of
+from skillctl.plotting.portrait import Portrait, Scale, joint_box
+from skillctl.plotting.style import (
+    DEMONSTRATED,
+    GOAL,
+    INK,
+    MOVED,
+    PARTS,
+    STARTED,
+    drawing,
+    entries,
+    legend,
+    named,
+    tidy,
+    to_tint,
+    told,
+)
+
+WIDTH = 7.4  # [inch], of figures; a README shows them a little smaller
+PANEL = 2.7  # [inch], width of one skill among several
+VIEWS = ("seen from above", "seen from the side", "seen from the front")
+MOST_IN_A_ROW = 4
+
+
+def draw_skill(portrait: Portrait, about: str) -> Figure:
+    """Return the figure of one skill.
+
+    Two dimensions: the plane. Three: orthogonal views and a perspective. One: velocity over position, and
+    position over time. More: every coordinate over time.
+
+    Args:
+        portrait: The skill.
+        about: What kind of skill it is, for the title.
+    """
+    with drawing():
+        scale = scale_of([portrait])
+        dimension = portrait.skill.dimension
+        if dimension == 2:
+            figure = _plane(portrait, scale)
+        elif dimension == 3:
+            figure = _space(portrait, scale)
+        else:
+            figure = _courses(portrait, scale)
+        figure.suptitle(f"{named(portrait.name)}  ({about})")
+        legend(figure, explained([portrait], scale))
+    return figure
+
+
+def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, str]) -> Figure:
+    """Return the figure of a skill beside its parents, all on the same axes.
+
+    Args:
+        parents: Each with what it is to the child, such as ``weight 0.5``.
+        child: With what it is.
+    """
+    members = [*parents, child]
+    low, high = joint_box([portrait for portrait, _ in members])
+    boxed = [replace(portrait, low=low, high=high) for portrait, _ in members]
+    draws = columns_of(boxed[0])
+    across = len(members) if len(draws) > 1 else min(len(members), MOST_IN_A_ROW)
+    heights = _heights(high - low, len(draws), math.ceil(len(members) / across))
+    with drawing():
+        scale = scale_of(boxed)
+        size = max(PANEL * across, 4.5), sum(heights) + 1.1
+        figure = Figure(size, layout="constrained")
+        grid = figure.subplots(len(heights), across, squeeze=False, height_ratios=heights)
+        for index, (portrait, (_, role)) in enumerate(zip(boxed, members, strict=True)):
+            column = grid[:, index] if len(draws) > 1 else [grid.flat[index]]
+            for axes, draw in zip(column, draws, strict=True):
+                draw(axes, portrait, scale)
+            column[0].set_title(f"{named(portrait.name, 26)}\n{role}")
+            if index == len(members) - 1:
+                for axes in column:
+                    axes.spines[:].set(linewidth=1.6, edgecolor=INK)
+        for axes in list(grid.flat)[len(members) * len(draws) :]:
+            axes.remove()
+        legend(figure, explained(boxed, scale), columns=max(2, min(across, 4)))
+    return figure
+
+
+def _heights(span: FloatArray, panels: int, rows: int) -> list[float]:
+    """Return the height of each row of panels, [inch], for the sides of the box (d,)."""
+    labels = 0.5
+    if panels == 1:
+        return [PANEL * float(span[1] / span[0]) + labels] * rows
+    if len(span) == 3:
+        x, y, z = span.tolist()
+        return [PANEL * min(share, 1.2) + labels for share in (y / x, z / x, z / y)]
+    return [0.7 * PANEL] * panels
+
+
+def scale_of(portraits: Sequence[Portrait]) -> Scale:
+    """Return the scale in which skills are told."""
+    low, high = joint_box(portraits)
+    return Scale.of(portraits[0].skill.space, float((high - low).max()))
+
+
+def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
+    """Return the entries of the legend: what these portraits show, and nothing else."""
+    known, dimension = entries(), portraits[0].skill.dimension
+    wanted = ["motion of the skill"]
+    if any(portrait.demonstrations for portrait in portraits):
+        wanted.insert(0, "demonstration")
+    if dimension in (2, 3):
+        wanted += ["start", "attractor", "position density, 2σ"]
+    if dimension == 2:
+        wanted.append("level of V")
+    handles = {name: known[name] for name in wanted}
+    if dimension == 2:
+        handles["field; the wider, the faster"] = known["field"]
+    if dimension == 2 and len(portraits) == 1:
+        (only,) = portraits
+        fastest = told(scale.factor * widest_speed(only.skill, only.low, only.high))
+        handles[f"field; widest: {fastest} {scale.unit}/s"] = handles.pop("field; the wider, the faster")
+    for portrait in portraits:
+        if isinstance(portrait.skill, CombinedSkill) and dimension in (2, 3):
+            what = "starts that select part" if dimension == 2 else "density of part"
+            for index in range(len(portrait.skill.parts)):
+                colour = PARTS[index % len(PARTS)]
+                handles[f"{what} {index + 1}"] = Patch(facecolor=to_tint(colour, 0.35), edgecolor=colour)
+            if len(portraits) == 1:
+                handles.pop("position density, 2σ")
+    return handles
+
+
+def _plane(portrait: Portrait, scale: Scale) -> Figure:
+    span = portrait.high - portrait.low
+    width = WIDTH - 0.8
+    figure = Figure((WIDTH, min(width * float(span[1] / span[0]), 8.0) + 1.3), layout="constrained")
+    axes = figure.add_subplot()
+    draw_plane(axes, portrait, scale)
+    return figure
+
+
+def _space(portrait: Portrait, scale: Scale) -> Figure:
+    """Return views from above, the side and the front on one scale, edge to edge, and a perspective."""
+    x, y, z = (portrait.high - portrait.low).tolist()
+    scene = WIDTH - 1.6
+    figure = Figure((WIDTH, scene * (y + z) / (x + y) + 2.3), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(x, y), height_ratios=(y, z))
+    places = ((0, 0), (1, 0), (1, 1))
+    for (row, column), draw, title in zip(places, columns_of(portrait), VIEWS, strict=True):
+        axes = figure.add_subplot(grid[row, column])
+        draw(axes, portrait, scale)
+        if portrait.skill.space.unit == "m":  # joint angles have no above
+            axes.set_title(title)
+    _draw_perspective(figure.add_subplot(grid[0, 1], projection="3d"), portrait, scale)
+    return figure
+
+
+def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
+    for shown in portrait.demonstrations:
+        axes.plot(*(scale.factor * shown.positions.T), **DEMONSTRATED)
+    for motion in portrait.motions:
+        axes.plot(*(scale.factor * motion.positions.T), **MOVED)
+    for colour, starts in starts_of(portrait):
+        axes.plot(*(scale.factor * starts.T), **{**STARTED, "mfc": colour})
+    axes.plot(*(scale.factor * portrait.goals.T), **GOAL)
+    low, high = scale.factor * portrait.low, scale.factor * portrait.high
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.1)
+    axes.view_init(elev=22, azim=-60)
+    axes.set_title("in perspective")
+    for i, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
+        axis.set_major_locator(MaxNLocator(3))
+        axis.set_tick_params(labelsize=6.5, pad=-2)
+        axis.set_label_text(label(portrait, i, scale), fontsize=8)
+        axis.labelpad = -6
+        axis.pane.set_visible(False)
+
+
+def _courses(portrait: Portrait, scale: Scale) -> Figure:
+    dimension = portrait.skill.dimension
+    draws = [draw_line_field, course(0)] if dimension == 1 else [course(i) for i in range(dimension)]
+    rows = math.ceil(len(draws) / 2)
+    figure = Figure((WIDTH, 1.9 * rows + 1.2), layout="constrained")
+    grid = figure.subplots(rows, 2, squeeze=False)
+    for axes, draw in zip(grid.flat, draws, strict=False):
+        draw(axes, portrait, scale)
+    for axes in list(grid.flat)[len(draws) :]:
+        axes.remove()
+    tidy(list(grid.flat)[: len(draws)])
+    return figure

@@ -1,0 +1,153 @@
+"""How all figures look, and how they become files: the same figure gives the same bytes."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeAlias
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from skillctl.errors import printable
+
+Drawing: TypeAlias = Figure  # for rooms that do not know Matplotlib
+Line: TypeAlias = "dict[str, Any]"  # how a line looks, as Matplotlib's keywords
+
+# Okabe and Ito's colours, which colour-blind readers tell apart. Demonstrations and motions differ in
+# lightness and dash as well, for paper without colours.
+DEMONSTRATION, MOTION, LEFT_OUT, WITNESS = "#D55E00", "#0072B2", "#8E4B7B", "#D55E00"
+FLOW, QUIET, INK, DENSITY = "#B4B4B4", "#8C8C8C", "#1A1A1A", "#00785A"
+PARTS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#777777")
+
+DEMONSTRATED: Line = {"color": DEMONSTRATION, "lw": 1.3, "ls": (0, (4, 1.6)), "zorder": 4.0}
+MOVED: Line = {"color": MOTION, "lw": 1.2, "ls": "-", "zorder": 5.0}
+HELD: Line = {"color": LEFT_OUT, "lw": 1.2, "ls": (0, (1, 1.2)), "zorder": 5.5}
+STARTED: Line = {
+    "ls": "", "marker": "o", "ms": 3.6, "mfc": "white", "mec": INK, "mew": 0.7, "zorder": 6.0
+}  # fmt: skip
+GOAL: Line = {"ls": "", "marker": "*", "ms": 11, "mfc": INK, "mec": "white", "mew": 0.7, "zorder": 7.0}
+LOST: Line = {"color": WITNESS, "lw": 1.8, "zorder": 7.5}
+LOWEST: Line = {"ls": "", "marker": "D", "ms": 5, "mfc": "none", "mec": "white", "mew": 1.3, "zorder": 8.0}
+FAINT: Line = {"color": "white", "lw": 0.6, "alpha": 0.7, "zorder": 4.0}
+PROVED: Line = {"color": INK, "lw": 1.4, "ls": (0, (5, 2)), "zorder": 4.0}
+
+DPI = 150
+SETTINGS: dict[Any, Any] = {
+    "font.family": ["DejaVu Sans"],  # comes with Matplotlib: the same everywhere
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": "#6E6E6E",
+    "axes.linewidth": 0.7,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "figure.titlesize": 11.0,
+    "figure.facecolor": "white",
+    "text.parse_math": False,  # a name with two dollars is a name, not a formula
+    "axes.unicode_minus": True,
+    "svg.hashsalt": "skillctl",
+    "svg.fonttype": "path",  # looks the same without our font
+    "pdf.fonttype": 42,
+    "savefig.dpi": DPI,
+}
+WITHOUT_DATE: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": "skillctl"},
+    "pdf": {"CreationDate": None, "Creator": "skillctl", "Producer": "skillctl"},
+}
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw as this room does, whatever the user's matplotlibrc says; afterwards all is as it was."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(SETTINGS)
+        yield
+
+
+def encode(figure: Figure, form: str) -> bytes:
+    """Return a figure as the bytes of a ``png``, ``svg`` or ``pdf`` file, without a date in them."""
+    buffer = io.BytesIO()
+    with drawing(), warnings.catch_warnings():
+        # A name may hold letters that the font lacks; a box in their place is all that can be done.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(buffer, format=form, metadata=WITHOUT_DATE[form])
+    maps = any(axes.images for axes in figure.axes)  # whose colours need all bits
+    return _with_palette(buffer) if form == "png" and not maps else buffer.getvalue()
+
+
+def _with_palette(picture: io.BytesIO) -> bytes:
+    """Return a PNG with 256 colours, enough for lines and tints: the file is a third as large."""
+    from PIL import Image
+
+    smaller = io.BytesIO()
+    with Image.open(picture) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+            smaller, "png", optimize=True, dpi=(DPI, DPI)
+        )
+    return smaller.getvalue()
+
+
+def named(text: str, longest: int = 34) -> str:
+    """Return a name from a file as it is written into a picture: on one line, not too long."""
+    name = printable(text)
+    return name if len(name) <= longest else f"…{name[1 - longest :]}"
+
+
+def entries() -> dict[str, Any]:
+    """Return what the legends of all figures explain: a sample of each line, by its words."""
+    return {
+        "demonstration": Line2D([], [], **DEMONSTRATED),
+        "motion of the skill": Line2D([], [], **MOVED),
+        "start": Line2D([], [], **STARTED),
+        "attractor": Line2D([], [], **GOAL),
+        "position density, 2σ": Patch(facecolor=to_tint(DENSITY, 0.14), edgecolor=DENSITY, lw=0.8),
+        "learned without that demonstration": Line2D([], [], **HELD),
+        "witness: reaches no attractor": Line2D([], [], **LOST),
+        "proved: no motion is slower": Line2D([], [], **PROVED),
+        "lowest decay rate": Line2D([], [], **{**LOWEST, "mec": QUIET}),
+        "proved radius": Line2D([], [], ls="", marker="o", ms=9, mfc="none", mec=QUIET, mew=1.4),
+        "field": Line2D([], [], color=FLOW, lw=1.6),
+        "level of V": Line2D([], [], color=QUIET, lw=0.8, ls=":"),
+    }
+
+
+def to_tint(colour: str, alpha: float) -> tuple[float, float, float, float]:
+    """Return a colour made translucent."""
+    return to_rgba(colour, alpha)
+
+
+def legend(figure: Figure, handles: dict[str, Any], columns: int = 4) -> None:
+    """Put one legend below all axes of a figure."""
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
+
+
+def told(value: float) -> str:
+    """Return a number for people: two significant digits, never an exponent where digits will do."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def logarithmic(axis: Any) -> None:
+    """Label a logarithmic axis with plain numbers, enough of them to read it by."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def tidy(axes: Sequence[Axes]) -> None:
+    """Take away the upper and right frame of axes."""
+    for each in axes:
+        each.spines[["top", "right"]].set_visible(False)
