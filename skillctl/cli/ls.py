@@ -19,7 +19,7 @@ Example:
   skillctl ls reach --check
   skillctl ls --store path/to/skills --json
 
-Exit codes: 0 listed; 7 with --check: a file is damaged."""
+Exit codes: 0 listed; 7 with --check: a file is damaged, or not a valid skill."""
 
 
 def ls(
@@ -28,13 +28,14 @@ def ls(
         list[str] | None, typer.Argument(metavar="[NAME...]", help="Show every version of these skills.")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Read the files as a whole and compare them with their seals.")
+        bool, typer.Option("--check", help="Read every file as a whole: seal, layout, metadata, numbers.")
     ] = False,
     store: options.Store = None,
 ) -> None:
     """List the skills of the store: versions, kind, aliases, size and digest.
 
-    Without names, a line a skill, about its newest version. With --json always every version.
+    Without names, a line a skill, about its newest version. With --json always every version. Kind, size and
+    digest are what the first bytes of a file say; verified is whether --check found all of the file in order.
     """
     from skillctl.usecases.ls import list_skills
 
@@ -61,17 +62,17 @@ def blocks(report: StoreReport, each: bool = False) -> list[render.Block]:
     return [render.Table(("skill", "versions", *HEADINGS), tuple(map(_summary, report.skills)))]
 
 
-HEADINGS = ("kind", "aliases", "size", "whole", "digest")
+HEADINGS = ("kind", "aliases", "size", "verified", "digest")
 
 
 def _summary(skill: StoredSkill) -> tuple[str, ...]:
-    """Return the newest version's line, with the aliases and seals of all."""
+    """Return the newest version's line, with the aliases of all, and whether all are in order."""
     newest = skill.entries[-1]
     aliases = ", ".join(f"{word}={entry.version}" for entry in skill.entries for word in entry.aliases)
     checked = [entry.verified for entry in skill.entries]
-    whole = None if None in checked else all(checked)
+    verified = None if None in checked else all(checked)
     name, kind, _, size, _, digest = _row(f"{skill.name}@{newest.version}", newest)
-    return (name, str(len(skill.versions)), kind, aliases or words.NONE, size, words.yes_no(whole), digest)
+    return (name, str(len(skill.versions)), kind, aliases or words.NONE, size, words.yes_no(verified), digest)
 
 
 def _row(name: str, entry: VersionEntry) -> tuple[str, ...]:

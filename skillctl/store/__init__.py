@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         label,
         metadata_schema,
     )
-    from skillctl.store.seal import Header, read_header, require_whole
+    from skillctl.store.seal import Header, read_header
     from skillctl.store.signing import (
         Signature,
         add_signature,
@@ -77,7 +77,7 @@ _MODULES = {
         "label",
         "metadata_schema",
     ),
-    "seal": ("Header", "read_header", "require_whole"),
+    "seal": ("Header", "read_header"),
     "signing": (
         "Signature",
         "add_signature",
@@ -133,7 +133,6 @@ __all__ = [
     "read_public_key",
     "read_signatures",
     "read_skill",
-    "require_whole",
     "resolve",
     "signature_state",
     "signatures_path",

@@ -14,7 +14,7 @@ from skillctl.store.errors import (
     NotAnArtifactError,
     require_format,
 )
-from skillctl.store.files import read_beginning, read_once
+from skillctl.store.files import read_beginning
 
 FORMAT_VERSION: Final = 1
 SEAL_BYTES = 512
@@ -93,16 +93,6 @@ def read_header(path: Path) -> Header:
         ArtifactError: It is not an artifact of a readable format, or not of the stated size.
     """
     return parse_header(*read_beginning(path, SEAL_BYTES), str(path))
-
-
-def require_whole(path: Path) -> Header:
-    """Return what a file states, after comparing all of it with its seal; its contents are not looked at.
-
-    Raises:
-        NotFoundError, StoreError: It cannot be read.
-        ArtifactError: It is not an artifact of a readable format, or damaged.
-    """
-    return require_seal(read_once(path), str(path))
 
 
 def require_seal(data: bytes, name: str) -> Header:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
-from skillctl.store import Registry, locate_store, read_header, require_whole
+from skillctl.store import Registry, locate_store, read_header, read_skill
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,8 @@ class VersionEntry:
         kind: ``seds``, ``merged`` or ``combined``; None where the file cannot be read, as digest and bytes.
         digest: Content digest.
         bytes: Size of the file.
-        verified: Whether the whole file matches its seal; None where only its beginning was read.
+        verified: Whether the whole file passes every check that a command makes before it uses one; None
+            where only its beginning was read, so that what is told of it is what it says of itself.
         problem: What is wrong with it, if anything.
     """
 
@@ -71,7 +72,7 @@ def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: 
     Args:
         store: Its directory; default as on the command line.
         names: Only these skills.
-        check: Read every file as a whole and compare it with its seal.
+        check: Read every file as a whole, as every command does before it uses one.
 
     Raises:
         NotFoundError: There is no skill of a name.
@@ -103,7 +104,9 @@ def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
 
 def _entry(path: Path, version: int, aliases: tuple[str, ...], check: bool) -> VersionEntry:
     try:
-        header = require_whole(path) if check else read_header(path)
+        header = read_header(path)
+        if check:
+            read_skill(path)
     except (ArtifactError, NotFoundError, StoreError) as error:
         return VersionEntry(version, aliases, verified=False if check else None, problem=str(error))
     verified = True if check else None

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
+from io import BytesIO
 
+import h5py
+import numpy as np
 import pytest
 
 from skillctl import store
@@ -59,6 +63,26 @@ def test_ls_goes_on_past_a_damaged_version_and_check_finds_a_flipped_bit(run, sh
     entries = json.loads(checked.stdout)["skills"][0]["entries"]
     assert [entry["verified"] for entry in entries] == [True, True, False, True, True]
     assert "do not match its seal" in entries[2]["problem"]
+
+
+def test_check_finds_what_was_sealed_but_is_no_valid_skill(run, shelf):
+    """Whoever changes a file can seal it again, so the seal alone verifies nothing."""
+    path = shelf.path_of("curve", 2)
+    good = path.read_bytes()
+    file = BytesIO(good)
+    with h5py.File(file, "r+") as body:
+        body["model/priors"][0] = np.nan
+    body = file.getvalue()[512:]
+    digest = store.read_header(path).digest
+    lines = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\nseds {digest}\n".encode()
+    path.chmod(0o644)
+    path.write_bytes((good[:10] + lines).ljust(512, b"\0") + body)
+    assert run("ls", "curve", "--store", shelf.root).exit_code == 0  # it says nothing of what it did not read
+    checked = run("ls", "curve", "--check", "--store", shelf.root, "--json")
+    assert checked.exit_code == 7
+    entries = json.loads(checked.stdout)["skills"][0]["entries"]
+    assert [entry["verified"] for entry in entries] == [True, False, True, True, True]
+    assert "/model/priors: must be finite" in entries[1]["problem"]
 
 
 def test_broken_aliases_do_not_hide_the_skills(run, shelf):
