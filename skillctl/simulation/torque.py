@@ -13,7 +13,9 @@ DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks 
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
 COMMANDED_SHARE = 0.95  # of the largest joint velocity
-SINGULARITY = 1e-4  # added to J Jᵀ, so that a stretched arm is asked for no infinite velocity
+# Added to J Jᵀ: a stretched arm is asked for no infinite velocity, and its posture helps it out. With 1e-5
+# an xArm6 pushed outwards by 80 N stays folded over; with 1e-4 the posture moves a resting hand by 0.3 mm.
+SINGULARITY = 1e-4
 
 
 class TorqueArm(LiveArm):
@@ -22,7 +24,7 @@ class TorqueArm(LiveArm):
         τ = Jᵀ [D (f − v); K e − D_r ω] + N [K_p (q₀ − q) − D_p q̇] + c(q, q̇)
 
     f is the velocity asked for, v and ω are the hand's, e is the rotation to the orientation wanted where the
-    hand is, N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the posture at the start, c are gravity and Coriolis torques; each
+    hand is, N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the ready posture, c are gravity and Coriolis torques; each
     torque is cut to its limit. v, ω, q and q̇ are those at the *end* of the period, predicted with the arm's
     mass matrix: with those at its beginning, a wrist as light as an xArm's shakes itself apart.
 
@@ -40,7 +42,7 @@ class TorqueArm(LiveArm):
         super().__init__(body, joints, TORQUE_PERIOD)
         bullet, model = body.bullet, body.model
         self._kinematics = kinematics
-        self._posture = joints
+        self._posture = kinematics.home
         self._rows = 3 if kinematics.hand == "free" else 6
         self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
         self._stiffness = np.array([0.0] * 3 + [ROTATION_STIFFNESS] * 3)[: self._rows]

@@ -1,0 +1,162 @@
+"""The compliant arm: what a push does to it, what it does afterwards, and that it stays within its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
+
+from skillctl.simulation import ARMS
+from skillctl.simulation.arm import ArmBody, ArmState, DrivenArm
+from skillctl.simulation.control import Follower
+from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
+from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.torque import TorqueArm
+
+RATE, CAP = 2.5, 0.3  # of the straight motion to the target: [1/s], [m/s]
+Begin = Callable[..., tuple[TorqueArm, np.ndarray]]
+
+
+@pytest.fixture(params=ARMS)
+def begin(request: pytest.FixtureRequest) -> Iterator[Begin]:
+    """Return a maker of an arm at rest, its hand ``away`` from the target that is returned with it."""
+    model = ARMS[request.param]
+    with ArmBody(model, 0.0, shapes="none") as twin, ArmBody(model, 0.0, shapes="collision") as body:
+
+        def make(away: tuple[float, float, float] = (0, 0, 0), hand: str = "horizontal") -> object:
+            kinematics = Kinematics(twin, hand, 0.0)  # type: ignore[arg-type]
+            target = np.add(model.reach_centre, [0.05, 0.0, 0.0])
+            found = kinematics.search(target + away, seed=0)
+            assert found.accepted
+            return TorqueArm(body, found.joints, kinematics), target
+
+        yield make  # type: ignore[misc]
+
+
+def straight(hand: np.ndarray, target: np.ndarray) -> np.ndarray:
+    velocity = RATE * (target - hand)
+    return velocity * min(1.0, CAP / max(float(np.linalg.norm(velocity)), 1e-12))
+
+
+def run(driver: Driver, target: np.ndarray, duration: float, push: object = None) -> list[ArmState]:
+    """Move towards the target, with a constant push all the time."""
+    states = []
+    for _ in range(round(duration / driver.period)):
+        hand = driver.state().hand
+        driver.drive(straight(hand, target), None if push is None else np.array(push, dtype=float))
+        states.append(driver.state())
+    return states
+
+
+def kinetic_energy(arm: TorqueArm) -> float:
+    """Half the sum of m v² and ω·I ω over all links, [J]: from the links' states, not from a mass matrix."""
+    bullet, body, client = arm.body.bullet, arm.body.body, arm.body.client
+    total = 0.0
+    for link in range(bullet.getNumJoints(body, physicsClientId=client)):
+        state = bullet.getLinkState(body, link, computeLinkVelocity=1, physicsClientId=client)
+        dynamics = bullet.getDynamicsInfo(body, link, physicsClientId=client)
+        turn = np.array(bullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
+        linear, angular = np.array(state[6]), turn.T @ np.array(state[7])
+        total += 0.5 * (dynamics[0] * linear @ linear + np.array(dynamics[2]) @ angular**2)
+    return total
+
+
+def distances(states: list[ArmState], target: np.ndarray) -> np.ndarray:
+    return np.linalg.norm([state.hand - target for state in states], axis=1)
+
+
+def test_the_hand_yields_in_proportion_and_always_returns(begin: Begin) -> None:
+    arm, target = begin()
+    driver, reached = TorqueDriver(arm), []
+    for force in (10.0, 20.0, 40.0):
+        pushed = run(driver, target, 0.5, (0.0, force, 0.0))
+        reached.append(distances(pushed, target).max())
+        after = run(driver, target, 1.8)
+        assert distances(after, target)[-1] < 2e-3
+    # Below the speed cap hand and skill are linear: a damper D against f = −2.5 /s (x − x*).
+    assert reached[1] / reached[0] == pytest.approx(2.0, rel=0.1)
+    assert reached[2] / reached[1] == pytest.approx(2.0, rel=0.1)
+    # A massless hand would reach F/(D r) (1 − exp(−r t)); mass makes it a little less.
+    massless = 20.0 / (80.0 * RATE) * (1 - np.exp(-RATE * 0.5))
+    assert 0.85 * massless < reached[1] < 1.1 * massless
+
+
+def test_the_limits_hold_however_hard_the_push(begin: Begin) -> None:
+    arm, target = begin()
+    model, driver = arm.body.model, TorqueDriver(arm)
+    states = []
+    for force in ((0.0, 150.0, 0.0), (0.0, 0.0, -400.0)):
+        states += run(driver, target, 0.3, force) + run(driver, target, 0.5)
+    for state in states:
+        assert (state.joints > model.lower).all()
+        assert (state.joints < model.upper).all()
+        assert (np.abs(state.velocities) <= model.max_velocity).all()
+        assert (np.abs(state.torques) <= model.max_torque).all()
+
+
+def test_a_push_leaves_no_energy_behind(begin: Begin) -> None:
+    arm, target = begin()
+    driver = TorqueDriver(arm)
+    run(driver, target, 0.5)
+    assert kinetic_energy(arm) < 1e-6  # at rest it stays at rest
+
+    def energies(steps: int, push: object) -> list[float]:
+        return [run(driver, target, 0.05, push) and kinetic_energy(arm) for _ in range(steps)]
+
+    pushed, returning = energies(10, (0.0, 40.0, 0.0)), energies(40, None)
+    assert max(returning) < max(pushed)
+    assert returning[-1] < 1e-4 * max(pushed)
+
+
+def test_a_free_motion_obeys_the_skill(begin: Begin) -> None:
+    arm, target = begin(away=(0.0, -0.15, 0.05))
+    driver = TorqueDriver(arm)
+    away = distances(states := run(driver, target, 3.0), target)
+    assert away[-1] < 1e-3
+    line = np.array([0.0, -0.15, 0.05]) / np.linalg.norm([0.0, -0.15, 0.05])
+    offsets = np.array([state.hand - target for state in states])
+    beside = np.linalg.norm(offsets - np.outer(offsets @ line, line), axis=1)
+    assert beside.max() < 0.1 * away[0]  # it has mass and no reference: near the line, not on it
+
+
+def test_the_hand_keeps_its_orientation_while_it_is_pushed(begin: Begin) -> None:
+    arm, target = begin()
+    run(TorqueDriver(arm), target, 0.5, (0.0, 20.0, 0.0))
+    wanted = arm._kinematics.orientation(arm.state().hand)
+    assert abs(np.dot(arm.orientation, wanted)) > np.cos(0.5 * 0.1)  # within 0.1 rad
+
+
+def test_a_free_hand_is_held_by_its_posture_alone(begin: Begin) -> None:
+    arm, target = begin(hand="free")
+    driver = TorqueDriver(arm)
+    start = run(driver, target, 1.0)[-1].joints
+    run(driver, target, 0.3, (0.0, 20.0, 0.0))
+    after = run(driver, target, 2.5)
+    assert distances(after, target)[-1] < 1e-3
+    assert np.abs(after[-1].joints - start).max() < 0.1
+
+
+def test_joints_at_their_limit_slow_the_hand_down(begin: Begin) -> None:
+    arm, _ = begin()
+    share = TorqueDriver(arm).drive(np.array([0.0, 20.0, 0.0]))
+    assert 0 < share < 0.5
+
+
+def test_a_push_moves_no_position_motor() -> None:
+    model = ARMS["panda"]
+    with ArmBody(model, 0.0, shapes="none") as twin, ArmBody(model, 0.0, shapes="collision") as body:
+        kinematics = Kinematics(twin, "horizontal", 0.0)
+        start = kinematics.home
+        driver = PositionDriver(Follower(kinematics, start), DrivenArm(body, start))
+        target = driver.state().hand
+        states = run(driver, target, 0.3) + run(driver, target, 0.3, (0.0, 50.0, 0.0))
+        assert distances(states, target).max() < 1e-3
+        hard = run(driver, target, 0.3, (0.0, 0.0, -300.0)) + run(driver, target, 1.0)
+        assert distances(hard, target).max() > 0.01  # the wrist gives way
+        for state in hard:
+            assert (np.abs(state.velocities) <= model.max_velocity).all()
+            assert (state.joints > model.lower).all()
+            assert (state.joints < model.upper).all()
