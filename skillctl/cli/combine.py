@@ -27,6 +27,7 @@ def combine(
     message: options.Message = None,
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
+    plot: options.Plot = None,
     gate: Annotated[
         options.CombineGate,
         typer.Option(
@@ -96,6 +97,7 @@ def combine(
             note=message,
             options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
             refit=not no_refit,
+            plot=plot,
             progress=progress,
         )
     parts = [locate(part.skill, store).path for part in report.parts]

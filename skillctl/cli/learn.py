@@ -18,6 +18,7 @@ Example:
   skillctl learn reach-*.csv --name reach
   skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
   skillctl learn low_dim.hdf5 --demos 0-19 --name lift
+  skillctl learn reach-*.csv --name reach --validate --plot reach.svg
   skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean"""
 
 LEARNING = "Learning"
@@ -37,6 +38,7 @@ def learn(
     message: options.Message = None,
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
+    plot: options.Plot = None,
     explain: Annotated[
         bool,
         typer.Option("--explain", help="Say why it is not up to date.", rich_help_panel=options.RESULT),
@@ -170,6 +172,7 @@ def learn(
             reading=reading,
             validated=validate,
             force=force,
+            plot=plot,
             progress=progress,
         )
     finish_target(output_file, paths, created=report.created, depfile=depfile, if_changed=if_changed)

@@ -44,6 +44,7 @@ def merge(
     message: options.Message = None,
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
+    plot: options.Plot = None,
     weights: Annotated[
         options.Numbers | None,
         typer.Option(
@@ -144,6 +145,7 @@ def merge(
             if fit
             else None,
             refit=not no_refit,
+            plot=plot,
             progress=progress,
         )
     parts = [locate(part.skill, store).path for part in report.parts]

@@ -131,6 +131,12 @@ OutputFile = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE.h5", help="Write this file.", rich_help_panel=RESULT),
 ]
+Plot = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="F.png|svg|pdf", help="Draw it; the suffix decides the format.", rich_help_panel=RESULT
+    ),
+]
 Name = Annotated[
     str | None,
     typer.Option(

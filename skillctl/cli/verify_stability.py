@@ -20,6 +20,7 @@ EXAMPLES = """\b
 Example:
   skillctl verify-stability reach
   skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
+  skillctl verify-stability reach --plot proof.png
   skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
 
 Exit codes: 0 what is required is proved of all; 1 of one it is not, or it is not signed; 3 none is refuted,
@@ -69,6 +70,12 @@ def verify_stability(
             rich_help_panel=REPORTS,
         ),
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.png|svg|pdf", help="Draw where and how fast V shrinks.", rich_help_panel=REPORTS
+        ),
+    ] = None,
     form: Annotated[
         options.VerdictFormat,
         typer.Option(
@@ -83,6 +90,7 @@ def verify_stability(
     Every skill is checked, whatever is wrong with another. Rates are proved lower bounds in 1/s; the period
     is the longest at which a controller may step, proved too.
     """
+    from skillctl.plotting.formats import require_few, require_picture
     from skillctl.store import read_public_key
     from skillctl.usecases.verify_stability import Requirements
     from skillctl.usecases.verify_stability import verify_stability as verify_skills
@@ -92,11 +100,18 @@ def verify_stability(
         raise UsageError("--json and --format exclude each other.", hint="Add --report json=FILE instead.")
     files = report or []
     reports.require_own_files(files)
+    if plot is not None:
+        require_picture(plot)
+        require_few(len(skills))
     lock = options.chosen_lock(locked)
     signer = None if require_signature is None else read_public_key(require_signature)
     required = Requirements(require, period, min_rate, signer)
     verified = verify_skills(skills, store=store, lock=lock, required=required)
     reports.write_reports(verified, files)
+    if plot is not None:
+        from skillctl.usecases.pictures import picture_proofs  # late: only pictures need Matplotlib
+
+        picture_proofs(verified, plot)
     if form == "github":
         output.verbatim(reports.github(verified))
     else:

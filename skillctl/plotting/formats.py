@@ -7,6 +7,22 @@ from pathlib import Path
 from skillctl.errors import UsageError, printable
 
 FORMATS = ("png", "svg", "pdf")
+MOST_PROOFS = 12  # certificates in one figure
+
+
+def require_picture(path: Path) -> None:
+    """Raise UsageError unless a picture can be written there."""
+    require_format(path)
+    require_directory(path)
+
+
+def require_directory(path: Path) -> None:
+    """Raise UsageError unless a file can be written there."""
+    if not path.parent.is_dir():
+        raise UsageError(
+            f"{printable(str(path.parent))}: there is no such directory.",
+            hint=f"Make it: mkdir -p {printable(str(path.parent))}",
+        )
 
 
 def require_format(path: Path) -> str:
@@ -23,3 +39,12 @@ def require_format(path: Path) -> str:
             hint=f"For example: --plot {printable(path.stem or 'skill')}.png",
         )
     return form
+
+
+def require_few(skills: int) -> None:
+    """Raise UsageError for more skills than one figure of certificates can show."""
+    if skills > MOST_PROOFS:
+        raise UsageError(
+            f"plot: {skills} skills are more than one picture shows; expected at most {MOST_PROOFS}.",
+            hint="Draw them in several calls.",
+        )

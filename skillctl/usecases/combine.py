@@ -13,6 +13,7 @@ from skillctl.compose import PartCoverage
 from skillctl.errors import FitError, UsageError
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
+from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, Scope, Verdict, certify
 from skillctl.store import Lock, Operation
 from skillctl.usecases.destination import Destination, Written
@@ -21,6 +22,7 @@ from skillctl.usecases.parts import (
     PartSummary,
     carried_reports,
     child_artifact,
+    draw_family,
     open_parts,
     summaries,
 )
@@ -111,6 +113,7 @@ def combine(
     note: str | None = None,
     options: CombineOptions | None = None,
     refit: bool = True,
+    plot: Path | None = None,
     progress: Progress | None = None,
 ) -> CombineReport:
     """Combine skills into one in which one part acts at a time, prove it, and write it.
@@ -128,6 +131,7 @@ def combine(
         options: How the acting part is chosen, and where the parts end.
         refit: Learn the parts again from their embedded demonstrations where the proof needs a common
             Lyapunov matrix and none exists.
+        plot: Draw the skill beside its parents there; the suffix decides the format.
         progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
@@ -139,6 +143,8 @@ def combine(
     if options.calibrate and options.part_priors is not None:
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
     destination = Destination(output, name, store, note)
+    if plot is not None:
+        require_picture(plot)
     destination.current()
     sources = open_parts(skills, store, lock)
     combined = options.combine([source.skill for source in sources])
@@ -159,7 +165,10 @@ def combine(
         _require_proved_parts(certificate)
     operation = _operation(options, coverage, together)
     reports = carried_reports(sources) if together is None else together.reports
-    written = destination.write(child_artifact(combined, sources, operation, reports))
+    artifact = child_artifact(combined, sources, operation, reports)
+    written = destination.write(artifact)
+    if plot is not None:
+        draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
     measured = _Measured(coverage, before if options.calibrate else None)
     return _report(written, sources, combined, measured, together, certificate)
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from skillctl.demonstrations import ReadResult, read_demonstrations
 from skillctl.learning import Fit, LearnOptions, fit
 from skillctl.learning import Progress as LearningProgress
+from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, certify
 from skillctl.store import (
     Artifact,
@@ -23,7 +24,7 @@ from skillctl.usecases.evaluate import HeldOut, report_errors
 from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
-from skillctl.usecases.validate import validate
+from skillctl.usecases.validate import LeftOut, held_out, leave_out_in_turn
 
 Status = Literal["learned", "up to date"]
 
@@ -99,6 +100,7 @@ def learn(
     reading: Reading | None = None,
     validated: bool = False,
     force: bool = False,
+    plot: Path | None = None,
     progress: Progress | None = None,
 ) -> LearnReport:
     """Learn a skill from demonstrations, prove it stable, and write it.
@@ -113,6 +115,7 @@ def learn(
         reading: How to read the files.
         validated: Also learn with each demonstration left out, and keep the errors on those.
         force: Learn even if the same files and options gave what is there.
+        plot: Draw there how the skill repeats its demonstrations; the suffix decides the format.
         progress: Called with (stage, done, total).
 
     Raises:
@@ -123,22 +126,37 @@ def learn(
     """
     options, reading = options or LearnOptions(), reading or Reading()
     destination = Destination(output, name, store, note)
+    if plot is not None:
+        require_picture(plot)
     paths = [Path(path) for path in data]
     operation = Operation(command="learn", options=_recorded(options, reading, validated), seed=options.seed)
     current = destination.current()
     reasons = reasons_to_make(current[0] if current else None, operation, paths, note)
     if current is not None and not reasons and not force:
+        if plot is not None:  # what was left out was not kept, and is learned again for the picture
+            again = (
+                leave_out_in_turn(reading.read(paths).demonstrations, options, progress) if validated else ()
+            )
+            _draw(current[1], current[0], again, plot)
         return _report("up to date", *current, certify(current[0].skill), ())
     read = reading.read(paths)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
     certificate = certify(fitted.skill)
     require_stable(certificate)
-    held_out = validate(read.demonstrations, options, progress) if validated else None
-    artifact = _artifact(fitted, read, operation, held_out)
+    left_out = leave_out_in_turn(read.demonstrations, options, progress) if validated else ()
+    artifact = _artifact(fitted, read, operation, held_out(left_out) if left_out else None)
     written, notes = destination.write(artifact), (*read.notes, *fitted.warnings)
+    if plot is not None:
+        _draw(written, artifact, left_out, plot)
     return replace(
         _report("learned", artifact, written, certificate, notes), reasons=reasons or ("it was asked for",)
     )
+
+
+def _draw(written: Written, artifact: Artifact, left_out: Sequence[LeftOut], plot: Path) -> None:
+    from skillctl.usecases.pictures import picture_fit  # late: only pictures need Matplotlib
+
+    picture_fit(written.skill, artifact, left_out, plot)
 
 
 def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[str, Any]:
@@ -162,13 +180,13 @@ def _told(step: LearningProgress) -> str:
     return f"start {step.done} of {step.total}, objective {step.objective:.3g}"
 
 
-def _artifact(fitted: Fit, read: ReadResult, operation: Operation, held_out: HeldOut | None) -> Artifact:
+def _artifact(fitted: Fit, read: ReadResult, operation: Operation, errors: HeldOut | None) -> Artifact:
     results = {
         "objective": fitted.objective,
         "log_likelihood": fitted.log_likelihood,
         "deviation_bound": fitted.deviation_bound,
         "rising_share": fitted.rising_share,
-        **(held_out.results() if held_out else {}),
+        **(errors.results() if errors else {}),
     }
     return Artifact(
         skill=fitted.skill,

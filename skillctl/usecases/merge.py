@@ -14,6 +14,7 @@ from skillctl.compose import FitLevel
 from skillctl.errors import UsageError
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
+from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, certify
 from skillctl.store import DemonstrationReport, Lock, Operation, input_record
 from skillctl.usecases.candidates import candidates_from_store, require_same_space
@@ -21,7 +22,7 @@ from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import report_errors
 from skillctl.usecases.files import Source
 from skillctl.usecases.learn import Reading
-from skillctl.usecases.parts import PartSummary, child_artifact, open_parts, summaries
+from skillctl.usecases.parts import PartSummary, child_artifact, draw_family, open_parts, summaries
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
 from skillctl.usecases.refit import Refit
@@ -136,6 +137,7 @@ def merge(
     options: MergeOptions | None = None,
     task: TaskOptions | None = None,
     refit: bool = True,
+    plot: Path | None = None,
     progress: Progress | None = None,
 ) -> MergeReport:
     """Merge skills into one in which all act together, prove it stable, and write it.
@@ -150,6 +152,7 @@ def merge(
         options: How the parts act together.
         task: Fit the weights to demonstrations of a new task.
         refit: Learn the parts again from their embedded demonstrations if no common Lyapunov matrix exists.
+        plot: Draw the skill beside its parents there; the suffix decides the format.
         progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
@@ -160,9 +163,11 @@ def merge(
     """
     options = options or MergeOptions()
     destination = Destination(output, name, store, note)
+    if plot is not None:
+        require_picture(plot)
     destination.current()
     if task is not None:
-        return _merge_for_task(skills, destination, lock, options, task, refit, progress)
+        return _merge_for_task(skills, destination, lock, options, task, refit, plot, progress)
     sources = open_parts(skills, store, lock)
     parents = [source.skill for source in sources]
     options.merge(parents, np.eye(parents[0].dimension))  # complains about options before any work is done
@@ -173,7 +178,10 @@ def merge(
     operation = Operation(
         command="merge", options={**asdict(options), "refit": refit}, results=together.results
     )
-    written = destination.write(child_artifact(merged, sources, operation, together.reports))
+    artifact = child_artifact(merged, sources, operation, together.reports)
+    written = destination.write(artifact)
+    if plot is not None:
+        draw_family(written.skill, artifact, sources, merged.part_weights.tolist(), plot)
     return _report(written, sources, merged, together, certificate)
 
 
@@ -184,6 +192,7 @@ def _merge_for_task(
     options: MergeOptions,
     task: TaskOptions,
     refit: bool,
+    plot: Path | None,
     progress: Progress | None,
 ) -> MergeReport:
     """Merge skills with weights fitted to demonstrations."""
@@ -212,7 +221,10 @@ def _merge_for_task(
     operation = _fitted_operation(options, task, refit, fitted, together)
     reports = _reports_of_used(fitted, used, together)
     inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
-    written = destination.write(child_artifact(fitted.skill, used, operation, reports, inputs))
+    artifact = child_artifact(fitted.skill, used, operation, reports, inputs)
+    written = destination.write(artifact)
+    if plot is not None:
+        draw_family(written.skill, artifact, used, fitted.skill.part_weights.tolist(), plot)
     report = TaskReport(fitted.choice, fitted.pull, len(shown), candidates, fitted.errors, fitted.held_out)
     return _report(
         written,

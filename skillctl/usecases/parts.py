@@ -83,3 +83,12 @@ def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
         carried += [report.model_copy(update={"leaf": first_leaf + report.leaf}) for report in reports]
         first_leaf += len(source.skill.leaves)
     return carried
+
+
+def draw_family(
+    name: str, child: Artifact, parents: Sequence[Source], shares: Sequence[float], plot: Path
+) -> None:
+    """Draw a child beside its parents; see ``skillctl.usecases.pictures.picture_family``."""
+    from skillctl.usecases.pictures import picture_family  # late: only pictures need Matplotlib
+
+    picture_family(name, child, parents, shares, plot)

@@ -7,25 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skillctl.errors import StoreError, UsageError
+from skillctl.errors import StoreError
 from skillctl.model.skill import CombinedSkill, MergedSkill, Skill, retargeted
 from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import draw_fit
-from skillctl.plotting.formats import require_format
+from skillctl.plotting.formats import require_few, require_format, require_picture
 from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
 from skillctl.plotting.proof import draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
-from skillctl.stability import Certificate, certify
+from skillctl.stability import Certificate
 from skillctl.stability.report import at_least
 from skillctl.store import Artifact, read_skill, write_file
-from skillctl.usecases.files import Source, open_skill
+from skillctl.usecases.files import Source
 
 if TYPE_CHECKING:  # both bring the learner along, which most pictures can do without
     from skillctl.usecases.validate import LeftOut
     from skillctl.usecases.verify_stability import VerifyReport
-
-MOST_PROOFS = 12  # rows of one figure
 
 
 @dataclass(frozen=True)
@@ -36,31 +34,20 @@ class Picture:
     svg: bytes
 
 
-def require_picture(path: Path) -> None:
-    """Raise UsageError unless a picture can be written there; asked before any work is done."""
-    require_format(path)
-    if not path.parent.is_dir():
-        raise UsageError(
-            f"{path.parent}: there is no such directory.", hint=f"Make it: mkdir -p {path.parent}"
-        )
-
-
-def picture_skill(reference: str | Path, path: Path, *, store: Path | None = None) -> None:
+def picture_skill(name: str, artifact: Artifact, path: Path) -> None:
     """Draw what is in a skill: field, demonstrations, motions, density, regions.
 
     Args:
-        reference: File, or name of the store.
+        name: For the title.
+        artifact: The skill with its demonstrations.
         path: Where to; its suffix decides the format.
-        store: Where names live; default as on the command line.
 
     Raises:
         UsageError: No such format, or no such directory.
-        NotFoundError, ArtifactError: The reference leads to no intact skill.
         StoreError: The picture cannot be written.
     """
     require_picture(path)
-    source = open_skill(reference, store)
-    figure = draw_skill(_portrait(source.name, source.artifact), kind_of(source.skill))
+    figure = draw_skill(_portrait(name, artifact), kind_of(artifact.skill))
     write_file(path, encode(figure, require_format(path)))
 
 
@@ -114,40 +101,39 @@ def picture_proofs(report: VerifyReport, path: Path) -> None:
     """
     require_picture(path)
     require_few(len(report.skills))
-    proofs = []
-    for verdict in report.skills:
-        if verdict.certificate is None or verdict.path is None:
-            continue
-        artifact = read_skill(verdict.path)
-        if artifact.digest != verdict.digest:
-            raise StoreError(f"{verdict.path}: changed since it was verified.", hint="Verify it again.")
-        proofs.append((_portrait(verdict.skill, artifact), bounds_of(verdict.certificate)))
+    proofs = [
+        (_portrait(verdict.skill, reopened(verdict.path, verdict.digest)), bounds_of(verdict.certificate))
+        for verdict in report.skills
+        if verdict.certificate is not None and verdict.path is not None
+    ]
     if proofs:
         write_file(path, encode(draw_proofs(proofs), require_format(path)))
 
 
-def require_few(skills: int) -> None:
-    """Raise UsageError for more skills than one figure of certificates can show."""
-    if skills > MOST_PROOFS:
-        raise UsageError(
-            f"plot: {skills} skills are more than one picture shows; expected at most {MOST_PROOFS}.",
-            hint="Draw them in several calls.",
-        )
-
-
-def pictures_of(reference: str | Path, *, store: Path | None = None) -> list[Picture]:
-    """Return all pictures of a skill: the skill, its fit if it was learned, its certificate.
+def reopened(path: Path, digest: str | None) -> Artifact:
+    """Return the artifact at a path that a report speaks of.
 
     Raises:
-        NotFoundError, ArtifactError: The reference leads to no intact skill.
+        StoreError: It is not the same any more.
     """
-    source = open_skill(reference, store)
-    artifact = source.artifact
-    portrait = _portrait(source.name, artifact)
-    certificate = certify(source.skill, digest=artifact.digest)
-    figures = [("The skill", draw_skill(portrait, kind_of(source.skill)))]
-    if len(source.skill.leaves) == 1 and portrait.demonstrations:
-        figures.append(("What it learned", _fit_figure(source.name, artifact, ())))
+    artifact = read_skill(path)
+    if artifact.digest != digest:
+        raise StoreError(f"{path}: changed while it was being drawn.", hint="Give the command again.")
+    return artifact
+
+
+def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list[Picture]:
+    """Return all pictures of a skill: the skill, its fit if it was learned, its certificate.
+
+    Args:
+        name: For the titles.
+        artifact: The skill with its demonstrations.
+        certificate: What is proved of it.
+    """
+    skill, portrait = artifact.skill, _portrait(name, artifact)
+    figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
+    if len(skill.leaves) == 1 and portrait.demonstrations:
+        figures.append(("What it learned", _fit_figure(name, artifact, ())))
     figures.append(("What is proved", draw_proofs([(portrait, bounds_of(certificate))])))
     return [Picture(title, encode(figure, "svg")) for title, figure in figures]
 
