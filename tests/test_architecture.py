@@ -37,6 +37,7 @@ ONLY_IN = {
     "rich": {"cli"},
     "PIL": {"simulation", "plotting"},
     "matplotlib": {"plotting"},
+    "av": {"simulation"},
     "click": set(),
 }
 

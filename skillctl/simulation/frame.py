@@ -16,7 +16,7 @@ from skillctl.simulation.overlay import Overlay
 from skillctl.simulation.scenario import Plane
 from skillctl.simulation.stage import Stage
 
-SHARPNESS = 1.5  # rendered this much larger than shown: smoother edges
+SHARPNESS = 1.5  # stills are rendered this much larger than shown: smoother edges
 
 # From the motion to the camera, for a base that faces +x. Planes are seen unmirrored.
 DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
@@ -25,7 +25,8 @@ DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
     "xz": (0.15, -1.4, 0.35),
     "yz": (1.4, -0.45, 0.40),
 }
-SCENE_DIRECTION = (-0.97, -1.17, 0.85)  # past the arm onto its boards
+SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm onto its boards
+NEIGHBOURHOOD = 0.15  # [m] around the motion: so much of the scene has to be in the picture
 
 SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
 HAZE = (2.2, 4.0)  # [m] from the camera to the floor, which fades into the sky between these distances
@@ -35,8 +36,17 @@ TRAIL, PLAN, TARGET = (196, 16, 104), (84, 96, 112), (0, 122, 80)  # seen agains
 class Scenery:
     """The world of one episode, and a camera from which all of it can be seen. A context manager."""
 
-    def __init__(self, episode: Episode, rows: Iterable[int], size: tuple[int, int]) -> None:
-        """Args: episode; rows of its series, for which the arm has to fit in; size of the pictures."""
+    def __init__(
+        self, episode: Episode, rows: Iterable[int], size: tuple[int, int], sharpness: float = SHARPNESS
+    ) -> None:
+        """Make the world.
+
+        Args:
+            episode: What to show.
+            rows: Of its series, for which the whole arm has to be in the picture.
+            size: Width and height of the pictures.
+            sharpness: How much larger than that they are rendered.
+        """
         self._episode, self._size = episode, size
         self._stage = Stage(episode.arm, episode.base_yaw, episode.scenario.scene)
         cup = episode.scenario.cup
@@ -49,7 +59,7 @@ class Scenery:
         points = np.vstack(
             [series.hand, episode.plan.positions, series.targets, self._stage.corners, *extents]
         )
-        self._camera = Camera(points, self._direction(), *(round(SHARPNESS * length) for length in size))
+        self._camera = Camera(points, self._direction(), *(round(sharpness * length) for length in size))
 
     def __enter__(self) -> Scenery:
         return self
@@ -70,6 +80,12 @@ class Scenery:
         overlay.ring(series.targets[row], TARGET, radius=9.0)
         overlay.disc(series.hand[row], TRAIL, radius=4.0)
         return composed(view, self._stage.floor, overlay, self._size)
+
+    def _around(self, motion: FloatArray) -> FloatArray:
+        """Return the corners of the scene, drawn in to the neighbourhood of the motion (n, 3)."""
+        return np.clip(
+            self._stage.corners, motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD
+        )
 
     def _pose(self, row: int) -> None:
         series = self._episode.series

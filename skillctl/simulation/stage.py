@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, IntArray
 from skillctl.simulation.arm import ArmBody, ArmModel
 from skillctl.simulation.camera import Camera, View
-from skillctl.simulation.scenario import Cup, Scene
+from skillctl.simulation.scenario import Cup, Shelf, Table
+from skillctl.simulation.scene import Box, boxes
 
 ARM_RADIUS = 0.07  # [m]: links are this thick around their frames, for framing
 FLOOR_SIZE = 4.0  # [m]
 FLOOR = (0.90, 0.91, 0.93, 1.0)
 WOOD, PANEL = (0.88, 0.76, 0.58, 1.0), (0.91, 0.89, 0.85, 1.0)
-CUP_COLOUR = (0.20, 0.62, 0.60, 1.0)
+POST = 0.04  # [m]
+CUP_COLOUR = (0.22, 0.42, 0.72, 1.0)
 CUP_SIDES = 40
 CUP_FOOT, CUP_RIM, CUP_FLOOR = 0.84, 0.88, 0.06  # radius below, radius inside, and height, as shares
 
@@ -24,15 +27,16 @@ CUP_FOOT, CUP_RIM, CUP_FLOOR = 0.84, 0.88, 0.06  # radius below, radius inside, 
 class Stage:
     """A world to be looked at: nothing moves in it but what is posed. Usable as a context manager."""
 
-    def __init__(self, model: ArmModel, base_yaw: float, scene: Scene | None) -> None:
+    def __init__(self, model: ArmModel, base_yaw: float, scene: Shelf | Table | None) -> None:
         """Args: the arm; its base's turn about the vertical, [rad]; what stands in front of it."""
         self._arm = ArmBody(model, base_yaw)
         size = np.array([FLOOR_SIZE, FLOOR_SIZE, 0.0])
         self.floor = self._box(-size - (0, 0, 0.02), size, FLOOR)
         self.corners = np.zeros((0, 3))
-        for lower, upper, wooden in _boxes(scene):
-            self._box(lower, upper, WOOD if wooden else PANEL)
-            self.corners = np.vstack([self.corners, _corners(lower, upper)])
+        parts = boxes(scene)
+        for box in (*parts, *_supports(parts)):
+            self._box(box.lower, box.upper, PANEL if box.name in ("rear panel", "post") else WOOD)
+            self.corners = np.vstack([self.corners, _corners(box)])
 
     def __enter__(self) -> Stage:
         return self
@@ -91,12 +95,12 @@ class Stage:
         return int(bullet.createMultiBody(0, -1, shape, middle, physicsClientId=client))
 
 
-def _corners(lower: FloatArray, upper: FloatArray) -> FloatArray:
+def _corners(box: Box) -> FloatArray:
     picks = np.array([[i >> k & 1 for k in range(3)] for i in range(8)])
-    return np.where(picks, upper, lower)
+    return np.where(picks, box.upper, box.lower)
 
 
-def _cup_mesh(radius: float, height: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _cup_mesh(radius: float, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return vertices (n, 3), normals (n, 3) and triangles (3 m,) of an open cup around its middle."""
     half, floor = 0.5 * height, (CUP_FLOOR - 0.5) * height
     profile = radius * np.array([0.0, CUP_FOOT, 1.0, CUP_RIM, CUP_RIM * CUP_FOOT, 0.0])
@@ -115,8 +119,19 @@ def _cup_mesh(radius: float, height: float) -> tuple[FloatArray, FloatArray, Flo
     return np.vstack(vertices), np.vstack(normals), np.concatenate(indices).ravel()
 
 
-def _boxes(scene: Scene | None) -> list[tuple[FloatArray, FloatArray, bool]]:
-    """Return lower and upper corners of everything in a scene, and whether it is of wood."""
-    if scene is None:
+def _supports(parts: Sequence[Box]) -> list[Box]:
+    """Return what holds the parts of a scene up in a picture: posts behind a panel, legs under a table.
+
+    Nothing can touch them. They stand where the arm does not get, so that they hide nothing.
+    """
+    if not parts:
         return []
-    return []
+    named = {box.name: box for box in parts}
+    box = named.get("rear panel", parts[0])
+    (x0, y0, _), (x1, y1, top) = box.lower, box.upper
+    if box.name == "rear panel":
+        corners = [(x1, y0 + POST), (x1, y1 - 2 * POST)]
+    else:
+        top = box.lower[2]
+        corners = [(x, y) for x in (x0, x1 - POST) for y in (y0, y1 - POST)]
+    return [Box("post", np.array([x, y, 0.0]), np.array([x + POST, y + POST, top])) for x, y in corners]

@@ -1,0 +1,134 @@
+"""A film of an episode, as it was in time: GIF with Pillow, MP4 with PyAV."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from skillctl.errors import NotFoundError, UsageError
+from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.bullet import silenced
+from skillctl.simulation.episode import Episode
+from skillctl.simulation.frame import PLAN, TARGET, TRAIL, Scenery
+from skillctl.simulation.picture import INK, caption, draw_caption
+from skillctl.simulation.stage import CUP_COLOUR
+
+SIZE = (480, 416)  # multiples of 16: the blocks that video is coded in
+SHARPNESS = 1.25  # a film has many frames
+RATES = {"gif": Fraction(25, 2), "mp4": Fraction(25)}  # [1/s]; a GIF counts in hundredths of a second
+LAST_FRAME = 1.5  # [s] that the end stands still
+FRAMING = 8  # moments for which the whole arm has to be in the picture
+SWATCHES = 6  # frames that the colours of a GIF are chosen from
+TINTS = (1.0, 0.7, 0.4)  # of lines and marks: their smooth edges
+SHADES = (1.05, 0.92, 0.79, 0.66)  # of the cup, from its lit to its dark side
+QUALITY = {"crf": "20", "preset": "medium"}
+
+Progress = Callable[[int, int], None]  # frames drawn, and in all
+
+
+def film_format(name: str) -> str:
+    """Return the format that a file's name asks for, ready to be written.
+
+    Raises:
+        UsageError: Neither ``.gif`` nor ``.mp4``.
+        NotFoundError: MP4, and PyAV is not installed.
+    """
+    kind = name.rpartition(".")[2].lower()
+    if kind not in RATES:
+        raise UsageError(f"{name}: a video is a .gif or an .mp4.", hint="Name it, say, motion.gif.")
+    if kind == "mp4":
+        _load_av()
+    return kind
+
+
+def encode_video(episode: Episode, kind: str, *, progress: Progress | None = None) -> bytes:
+    """Return a film of an episode, in real time. Equal episodes give equal GIFs; an MP4's bytes may differ.
+
+    Args:
+        episode: What to show.
+        kind: ``gif`` or ``mp4``.
+        progress: Called after every frame.
+
+    Raises:
+        NotFoundError: MP4, and PyAV is not installed.
+    """
+    rate = RATES[kind]
+    count = len(episode.series.times)
+    stride = 1 / (CONTROL_PERIOD * float(rate))
+    rows = [min(round(i * stride), count - 1) for i in range(math.ceil((count - 1) / stride) + 1)]
+    framed = np.linspace(0, count - 1, FRAMING, dtype=int)
+    with silenced(1), Scenery(episode, framed, SIZE, SHARPNESS) as scenery:
+        frames = list(_frames(episode, scenery, rows, progress))
+    return _gif(frames, rate) if kind == "gif" else _mp4(frames, rate)
+
+
+def _frames(
+    episode: Episode, scenery: Scenery, rows: Sequence[int], progress: Progress | None
+) -> Iterator[Image.Image]:
+    for i, row in enumerate(rows):
+        frame = scenery.picture(row)
+        draw_caption(frame, caption(episode, row))
+        yield frame
+        if progress is not None:
+            progress(i + 1, len(rows))
+
+
+def _gif(frames: Sequence[Image.Image], rate: Fraction) -> bytes:
+    """Return an endless GIF. All frames share their colours, or the background would flicker."""
+    palette = _palette(frames)
+    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    durations = [round(1000 / rate)] * len(others) + [round(1000 * LAST_FRAME)]
+    file = io.BytesIO()
+    first.save(file, format="GIF", save_all=True, append_images=others, duration=durations, loop=0)
+    return file.getvalue()
+
+
+def _palette(frames: Sequence[Image.Image]) -> Image.Image:
+    """Return an image with 256 colours: those of what is small, and then the most common ones."""
+    picks = np.linspace(0, len(frames) - 1, min(SWATCHES, len(frames)), dtype=int)
+    swatch = Image.new("RGB", (SIZE[0], SIZE[1] * len(picks)))
+    for place, pick in enumerate(picks):
+        swatch.paste(frames[pick], (0, place * SIZE[1]))
+    rare = [
+        *(
+            255 - strength * (255 - np.array(colour))
+            for colour in (TRAIL, TARGET, PLAN, INK)
+            for strength in TINTS
+        ),
+        *(255 * light * np.array(CUP_COLOUR[:3]) for light in SHADES),
+    ]
+    drawn = np.rint(rare).astype(int).ravel().tolist()
+    common = swatch.quantize(256 - len(drawn) // 3, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((common.getpalette() or []) + drawn)
+    return palette
+
+
+def _mp4(frames: Sequence[Image.Image], rate: Fraction) -> bytes:
+    """Return H.264 in the pixel format that every player reads."""
+    av = _load_av()
+    file = io.BytesIO()
+    with av.open(file, "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=rate, options=QUALITY)
+        (stream.width, stream.height), stream.pix_fmt = SIZE, "yuv420p"
+        for image in [*frames, *[frames[-1]] * round(LAST_FRAME * rate)]:
+            container.mux(stream.encode(av.VideoFrame.from_image(image)))
+        container.mux(stream.encode(None))
+    return file.getvalue()
+
+
+def _load_av() -> Any:
+    try:
+        import av
+    except ImportError as error:
+        raise NotFoundError(
+            "PyAV is not installed; only .mp4 videos need it.",
+            hint="pip install 'skillctl[video]', or write a .gif.",
+        ) from error
+    return av
