@@ -182,9 +182,14 @@ Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace, Field(discrimin
 class Sampling(Part):
     """What the episodes of a batch are drawn from, uniformly. None: as the scenario itself says.
 
+    If nothing at all is said, a cup's place on its board is drawn (unless it was given) and the start is
+    one of the demonstrations', scattered (unless one was given).
+
     Attributes:
         cup_x_range, cup_y_range: Of the cup's place, [m].
         start_x_range, start_y_range, start_z_range: Of the hand's start, [m]; all three or none.
+        start_scatter: Instead of a range: starts are those of the demonstrations that the skill carries,
+            one of them at random, and normally distributed around it with this standard deviation, [m].
         mass_range, friction_range, radius_range: Of the cup.
     """
 
@@ -193,6 +198,7 @@ class Sampling(Part):
     start_x_range: Range | None = None
     start_y_range: Range | None = None
     start_z_range: Range | None = None
+    start_scatter: NotNegative | None = None
     mass_range: PositiveRange | None = None
     friction_range: PositiveRange | None = None
     radius_range: PositiveRange | None = None
@@ -202,6 +208,8 @@ class Sampling(Part):
         starts = (self.start_x_range, self.start_y_range, self.start_z_range)
         if any(starts) and not all(starts):
             raise ValueError("start_x_range, start_y_range and start_z_range: give all three, or none.")
+        if all(starts) and self.start_scatter is not None:
+            raise ValueError("start_scatter: it takes the place of the ranges of the start.")
         return self
 
 

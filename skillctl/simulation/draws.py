@@ -1,0 +1,112 @@
+"""The episodes of a batch: what differs between them, drawn so that no episode depends on another."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario, Shelf, Table
+
+CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
+CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
+START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if that is less
+
+Stream: TypeAlias = Literal["cup", "start", "body", "seed"]
+STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # only ever appended to
+
+
+def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scenario:
+    """Return the scenario with something to draw, if it does not say what.
+
+    A cup is drawn on its board unless its place was given; the start is one of the demonstrations',
+    scattered, unless one was given.
+
+    Args:
+        scenario: Of the batch.
+        starts: Where the demonstrations of the skill start, shape (n, d); n may be 0.
+        reach: Length of the shortest demonstration's way as the crow flies, [m].
+    """
+    if scenario.sampling != Sampling():
+        return scenario
+    chosen: dict[str, object] = {}
+    if scenario.cup is not None and scenario.scene is not None:
+        if "position" not in scenario.cup.model_fields_set:
+            chosen["cup_x_range"], chosen["cup_y_range"] = _places(scenario.scene)
+    if scenario.start is None and len(starts):
+        chosen["start_scatter"] = float(f"{min(START_SCATTER, START_SHARE * reach):.1g}")
+    return scenario.changed(sampling=Sampling(**chosen))
+
+
+def _places(scene: Shelf | Table) -> tuple[Range, Range]:
+    front, half = scene.x_range[0], min(CUP_REACH, 0.5 * scene.width - CUP_CLEARANCE)
+    near, far = (round(front + depth, 6) for depth in CUP_DEPTH)
+    return (near, far), (-half, half)
+
+
+def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
+    """Return the scenario of one episode: everything drawn, nothing left to draw.
+
+    Every quantity has its own generator, made from (seed, episode, quantity): an episode is the same
+    whichever others are run, and the cups and starts are the same whether or not masses are drawn too.
+
+    Args:
+        scenario: Of the batch.
+        episode: Number of the episode, from 0.
+        starts: Where the demonstrations of the skill start, shape (n, d); needed for ``start_scatter``.
+
+    Raises:
+        UsageError: ``start_scatter``, and the skill carries no demonstrations.
+    """
+    sampling = scenario.sampling
+    generators = {
+        stream: np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(episode, i)))
+        for i, stream in enumerate(STREAMS)
+    }
+    changes: dict[str, object] = {
+        "seed": int(generators["seed"].integers(2**63)),
+        "episodes": 1,
+        "sampling": Sampling(),
+    }
+    if scenario.cup is not None:
+        changes["cup"] = _cup(scenario.cup, sampling, generators["cup"], generators["body"])
+    box = (sampling.start_x_range, sampling.start_y_range, sampling.start_z_range)
+    if sampling.start_scatter is not None:
+        changes["start"] = _near(starts, sampling.start_scatter, generators["start"])
+    elif box[0] is not None:
+        changes["start"] = tuple(_between(ends, 0.0, generators["start"]) for ends in box)
+    return scenario.changed(**changes)
+
+
+def _cup(cup: Cup, sampling: Sampling, place: np.random.Generator, body: np.random.Generator) -> Cup:
+    x, y = cup.position
+    return Cup(
+        **{
+            **cup.model_dump(),
+            "position": (
+                _between(sampling.cup_x_range, x, place),
+                _between(sampling.cup_y_range, y, place),
+            ),
+            "mass": _between(sampling.mass_range, cup.mass, body),
+            "friction": _between(sampling.friction_range, cup.friction, body),
+            "radius": _between(sampling.radius_range, cup.radius, body),
+        }
+    )
+
+
+def _between(ends: Range | None, otherwise: float, generator: np.random.Generator) -> float:
+    """Draw uniformly; a number is drawn in any case, so that what follows is the same."""
+    share = generator.random()
+    return otherwise if ends is None else ends[0] + share * (ends[1] - ends[0])
+
+
+def _near(starts: FloatArray, scatter: float, generator: np.random.Generator) -> tuple[float, ...]:
+    if not len(starts):
+        raise UsageError(
+            "start_scatter: the skill carries no demonstrations whose starts could be scattered.",
+            hint="Give a box instead: start_x_range, start_y_range and start_z_range.",
+        )
+    start = starts[generator.integers(len(starts))]
+    return tuple((start + scatter * generator.standard_normal(len(start))).tolist())
