@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,6 +20,7 @@ EXAMPLES = """\b
 Example:
   skillctl inspect reach
   skillctl inspect shelf --lineage
+  skillctl inspect reach --plot reach.png --html reach.html
   skillctl inspect shelf --at 0.42,0,0.55
   skillctl inspect reach@2 --json | jq '.leaves[0].joint_mixture.means'"""
 
@@ -37,6 +39,22 @@ def inspect(
             help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
         ),
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.png|svg|pdf",
+            help="Draw it: field, demonstrations, motions, regions.",
+            rich_help_panel=options.RESULT,
+        ),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.html",
+            help="Write all of it as one page: tables, pictures, proof, lineage. It needs no network.",
+            rich_help_panel=options.RESULT,
+        ),
+    ] = None,
     store: options.Store = None,
     locked: options.Locked = False,
 ) -> None:
@@ -44,13 +62,16 @@ def inspect(
 
     With --json also every number, including the joint Gaussian mixture over positions and velocities.
     """
+    from skillctl.usecases.history import lineage as lineage_of
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
     lock = options.chosen_lock(locked)
+    _require_places(plot, html)
+    if plot is not None or html is not None:
+        drawn = inspect_skill(skill, store=store, lock=lock)
+        _write_files(drawn, plot, html, lambda: lineage_of(skill, store=store, lock=lock))
     if lineage:
-        from skillctl.usecases.history import lineage as lineage_of
-
         tree = lineage_of(skill, store=store, lock=lock)
         output.result(tree, lambda: [ancestry(tree)])
         return
@@ -58,14 +79,43 @@ def inspect(
     output.result(report, lambda: blocks(report))
 
 
-def blocks(report: InspectReport) -> list[render.Block]:
-    """Return the report for people."""
+def _require_places(plot: Path | None, html: Path | None) -> None:
+    """Raise UsageError unless the files that are asked for can be written."""
+    if plot is not None:
+        from skillctl.plotting.formats import require_picture
+
+        require_picture(plot)
+    if html is not None:
+        from skillctl.cli.page import require_page
+
+        require_page(html)
+
+
+def _write_files(
+    report: InspectReport, plot: Path | None, html: Path | None, lineage: Callable[[], LineageReport]
+) -> None:
+    """Write the picture and the page of a skill."""
+    from skillctl.cli.page import page
+    from skillctl.store import write_file
+    from skillctl.usecases.pictures import picture_skill, pictures_of, reopened
+
+    artifact = reopened(report.path, report.digest)
+    if plot is not None:
+        picture_skill(report.skill, artifact, plot)
+    if html is not None:
+        tree, pictures = lineage(), pictures_of(report.skill, artifact, report.certificate)
+        written = page(report, blocks(report, for_page=True), (tree, ancestry(tree)), pictures)
+        write_file(html, written.encode())
+
+
+def blocks(report: InspectReport, *, for_page: bool = False) -> list[render.Block]:
+    """Return the report for people; for a page, which travels, without the place of the file."""
     from skillctl.usecases.evaluate import HeldOut
 
     space, certificate = report.space, report.certificate
     facts = (
         ("skill", report.skill),
-        ("file", words.near(report.path)),
+        *(() if for_page else (("file", words.near(report.path)),)),
         ("digest", report.digest),
         ("kind", " ".join([report.kind, *_how(report.tree)])),
         ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),

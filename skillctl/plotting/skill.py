@@ -131,7 +131,8 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
         handles[f"field; widest: {fastest} {scale.unit}/s"] = handles.pop("field; the wider, the faster")
     for portrait in portraits:
         if isinstance(portrait.skill, CombinedSkill) and dimension in (2, 3):
-            what = "starts that select part" if dimension == 2 else "density of part"
+            chosen = "acts: part" if portrait.skill.gate == "instantaneous" else "starts that select part"
+            what = chosen if dimension == 2 else "density of part"
             for index in range(len(portrait.skill.parts)):
                 colour = PARTS[index % len(PARTS)]
                 handles[f"{what} {index + 1}"] = Patch(facecolor=to_tint(colour, 0.35), edgecolor=colour)

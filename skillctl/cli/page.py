@@ -1,0 +1,134 @@
+"""A skill as one HTML page: tables and pictures in a single file that needs no network and no scripts."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import skillctl
+from skillctl.cli import render
+from skillctl.errors import UsageError, printable
+
+if TYPE_CHECKING:
+    from skillctl.usecases.history import LineageReport
+    from skillctl.usecases.inspect import InspectReport
+    from skillctl.usecases.pictures import Picture
+
+SUFFIXES = (".html", ".htm")
+# Nothing is loaded and nothing runs, whatever a name or a note in the file tries.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+STYLE = """
+:root { color-scheme: light dark; --line: #d5d9de; --quiet: #57606a; --ok: #1a7f37; --bad: #b3360b; }
+@media (prefers-color-scheme: dark) {
+  :root { --line: #3b424b; --quiet: #9aa4af; --ok: #4ac26b; --bad: #f0883e; }
+}
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 56rem; margin: 0 auto; padding: 1rem; }
+h1 { font-size: 1.6rem; margin: .5rem 0 0; overflow-wrap: anywhere; }
+h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
+.verdict { font-weight: 600; } .stable { color: var(--ok); } .open { color: var(--bad); }
+blockquote { margin: 1rem 0; padding: .2rem 1rem; border-left: 4px solid var(--line); }
+blockquote { overflow-wrap: anywhere; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .9rem; } .facts, .wide { margin: 1rem 0; }
+th, td { text-align: left; vertical-align: top; padding: .25rem .9rem .25rem 0; }
+thead th, .facts th { font-weight: 500; color: var(--quiet); white-space: nowrap; }
+tbody tr + tr > * { border-top: 1px solid var(--line); }
+td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; white-space: pre-wrap; }
+.wide td { white-space: pre; overflow-wrap: normal; } .facts td { min-width: 12rem; }
+figure { margin: 0; } img { width: 100%; height: auto; background: white; border-radius: 4px; }
+footer { margin-top: 3rem; color: var(--quiet); font-size: .85rem; overflow-wrap: anywhere; }
+"""
+
+
+def require_page(path: Path) -> None:
+    """Raise UsageError unless an HTML page can be written there."""
+    from skillctl.plotting.formats import require_directory
+
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"{printable(str(path))}: a page ends in {' or '.join(SUFFIXES)}.",
+            hint=f"For example: --html {printable(path.stem or 'skill')}.html",
+        )
+    require_directory(path)
+
+
+def page(
+    report: InspectReport,
+    blocks: Sequence[render.Block],
+    lineage: tuple[LineageReport, render.Block],
+    pictures: Sequence[Picture],
+) -> str:
+    """Return the page of a skill; the same skill gives the same page.
+
+    Args:
+        report: What the skill is.
+        blocks: The same in words: first facts, then tables, last where it comes from.
+        lineage: What it was made from, and the table of that.
+        pictures: To be shown between them.
+    """
+    certificate = report.certificate
+    tone = "stable" if certificate.verdict == "stable" else "open"
+    note = report.operation.note
+    absent = "" if lineage[0].complete else "<p>Some of these skills are not where they were.</p>"
+    body = [
+        f"<h1>{_safe(report.skill)}</h1>",
+        f'<p class="verdict {tone}">{_safe(certificate.verdict)}</p>',
+        f"<blockquote>{_safe(note)}</blockquote>" if note else "",
+        _block(blocks[0]),
+        *(_figure(picture, report.skill) for picture in pictures),
+        "<h2>The proof</h2>",
+        _sentences([*certificate.proof, *certificate.failures, *certificate.evidence]),
+        "<h2>Its parts and demonstrations</h2>",
+        *map(_block, blocks[1:-1]),
+        "<h2>Where it comes from</h2>",
+        _block(lineage[1]),
+        absent,
+        _block(blocks[-1]),
+        f"<footer>Written by skillctl {_safe(skillctl.__version__)} from the content with the digest "
+        f"{_safe(report.digest)}.</footer>",
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_safe(POLICY)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<link rel="icon" href="data:,">\n<title>{_safe(report.skill)}</title>\n<style>{STYLE}</style>\n'
+        "</head>\n<body>\n" + "\n".join(part for part in body if part) + "\n</body>\n</html>\n"
+    )
+
+
+def _safe(text: str) -> str:
+    """Return text that shows as it is: nothing of it is markup, and control characters are spelt out."""
+    return html.escape(printable(text))
+
+
+def _figure(picture: Picture, skill: str) -> str:
+    # As an image and not inline: scripts in it would not run, and its names cannot clash with others.
+    data = base64.b64encode(picture.svg).decode()
+    image = f'<img alt="{_safe(f"{picture.title}: {skill}")}" src="data:image/svg+xml;base64,{data}">'
+    return f"<h2>{_safe(picture.title)}</h2>\n<figure>{image}</figure>"
+
+
+def _sentences(sentences: Iterable[str]) -> str:
+    return "<ul>\n" + "\n".join(f"<li>{_safe(sentence)}</li>" for sentence in sentences) + "\n</ul>"
+
+
+def _block(block: render.Block) -> str:
+    """Return a block of a report as HTML."""
+    if isinstance(block, render.Facts):
+        rows = "\n".join(
+            f"<tr><th>{_safe(name)}</th><td>{_safe(value)}</td></tr>" for name, value in block.items
+        )
+        return f'<table class="facts">\n{rows}\n</table>'
+    if isinstance(block, render.Table):
+        head = "".join(f"<th>{_safe(heading)}</th>" for heading in block.headings)
+        rows = "\n".join(
+            "<tr>" + "".join(f"<td>{_safe(cell)}</td>" for cell in row) + "</tr>" for row in block.rows
+        )
+        inside = f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>"
+        return f'<div class="wide"><table>\n{inside}\n</table></div>'
+    if isinstance(block, render.Lines):
+        return f"<p>{_safe(block.title)}</p>\n{_sentences(block.sentences)}"
+    return f"<p>{_safe(block)}</p>"
