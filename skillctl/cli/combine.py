@@ -27,6 +27,8 @@ def combine(
     message: options.Message = None,
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
+    explain: options.Explain = False,
+    force: options.Force = False,
     plot: options.Plot = None,
     gate: Annotated[
         options.CombineGate,
@@ -97,14 +99,14 @@ def combine(
             note=message,
             options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
             refit=not no_refit,
+            force=force,
             plot=plot,
             progress=progress,
         )
     parts = [locate(part.skill, store).path for part in report.parts]
     parts += [lock.path] if lock is not None else []
     finish_target(output_file, parts, created=report.created, depfile=depfile, if_changed=if_changed)
-    for note in report.notes:
-        output.note(f"note: {note}")
+    words.explain(output, report.notes, report.reasons if explain else ())
     for sentence in report.not_guaranteed:
         output.note(f"warning: not guaranteed: {sentence}")
     output.result(report, lambda: blocks(report))
@@ -112,6 +114,8 @@ def combine(
 
 def blocks(report: CombineReport) -> list[render.Block]:
     """Return the report for people."""
+    if report.status == "up to date":
+        return [words.up_to_date(report.skill, "skills")]
     headings, coverage = _coverage(report)
     ends = report.attractors[:1] if report.aligned else report.attractors
     facts = (

@@ -39,15 +39,9 @@ def learn(
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
     plot: options.Plot = None,
-    explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Say why it is not up to date.", rich_help_panel=options.RESULT),
-    ] = False,
+    explain: options.Explain = False,
+    force: options.Force = False,
     store: options.Store = None,
-    force: Annotated[
-        bool,
-        typer.Option("--force", help="Learn again even if nothing changed.", rich_help_panel=options.RESULT),
-    ] = False,
     input_format: Annotated[
         options.InputFormat | None,
         typer.Option(help="Default: told from the content.", rich_help_panel=options.INPUT),
@@ -176,17 +170,14 @@ def learn(
             progress=progress,
         )
     finish_target(output_file, paths, created=report.created, depfile=depfile, if_changed=if_changed)
-    for note in report.notes:
-        output.note(f"note: {note}")
-    for reason in report.reasons if explain else ():
-        output.note(f"because: {reason}")
+    words.explain(output, report.notes, report.reasons if explain else ())
     output.result(report, lambda: blocks(report))
 
 
 def blocks(report: LearnReport) -> list[render.Block]:
     """Return the report for people."""
     if report.status == "up to date":
-        return [f"{report.skill} is up to date: the same files and options gave it. --force learns it again."]
+        return [words.up_to_date(report.skill, "files")]
     facts = render.Facts(
         (
             *words.written(report.skill, report.path, report.digest, report.created),

@@ -168,6 +168,13 @@ IfChanged = Annotated[
         rich_help_panel=RESULT,
     ),
 ]
+Explain = Annotated[
+    bool, typer.Option("--explain", help="Say why it is not up to date.", rich_help_panel=RESULT)
+]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Make it again even if nothing changed.", rich_help_panel=RESULT),
+]
 NoRefit = Annotated[
     bool,
     typer.Option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from skillctl.cli.render import Table
 
 if TYPE_CHECKING:
+    from skillctl.cli.output import Output
     from skillctl.store import DemonstrationReport
     from skillctl.usecases.evaluate import HeldOut
     from skillctl.usecases.parts import PartSummary
@@ -85,6 +86,19 @@ def written(skill: str, path: Path, digest: str, created: bool) -> tuple[tuple[s
     """Return where a new skill is, and what it is."""
     name = skill if created else f"{skill} (unchanged)"
     return (("skill", name), ("file", near(path)), ("digest", digest))
+
+
+def up_to_date(skill: str, inputs: str) -> str:
+    """Return the sentence about a skill that need not be made again."""
+    return f"{skill} is up to date: the same {inputs} and options gave it. --force makes it again."
+
+
+def explain(output: Output, notes: Sequence[str], reasons: Sequence[str]) -> None:
+    """Say what was noticed, and why something was made."""
+    for note in notes:
+        output.note(f"note: {note}")
+    for reason in reasons:
+        output.note(f"because: {reason}")
 
 
 def short(digest: str | None) -> str:

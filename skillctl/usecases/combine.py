@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from skillctl import compose
 from skillctl.arrays import FloatArray
@@ -15,15 +15,17 @@ from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
 from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, Scope, Verdict, certify
-from skillctl.store import Lock, Operation
+from skillctl.store import Artifact, Lock, Operation
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.files import Source
+from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.parts import (
     PartSummary,
     carried_reports,
     child_artifact,
     draw_family,
     open_parts,
+    parents_of,
     summaries,
 )
 from skillctl.usecases.progress import Progress
@@ -51,6 +53,9 @@ class CombineReport:
         rate, period: Proved: decay rate [1/s], and longest period of a controller [s]; None where not.
         not_guaranteed: What is not proved, in sentences; empty if everything is.
         notes: What else is worth knowing.
+        status: ``combined``, or ``up to date``: the same skills and options gave what is there. Then nothing
+            was calibrated or learned again.
+        reasons: Why it was made, in words; none if it was up to date.
     """
 
     skill: str
@@ -73,6 +78,8 @@ class CombineReport:
     period: float | None
     not_guaranteed: tuple[str, ...]
     notes: tuple[str, ...]
+    status: Literal["combined", "up to date"] = "combined"
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,6 +120,7 @@ def combine(
     note: str | None = None,
     options: CombineOptions | None = None,
     refit: bool = True,
+    force: bool = False,
     plot: Path | None = None,
     progress: Progress | None = None,
 ) -> CombineReport:
@@ -131,6 +139,7 @@ def combine(
         options: How the acting part is chosen, and where the parts end.
         refit: Learn the parts again from their embedded demonstrations where the proof needs a common
             Lyapunov matrix and none exists.
+        force: Make it even if the same skills and options gave what is there.
         plot: Draw the skill beside its parents there; the suffix decides the format.
         progress: Called with (stage, done, total) while parts are refitted.
 
@@ -145,8 +154,12 @@ def combine(
     destination = Destination(output, name, store, note)
     if plot is not None:
         require_picture(plot)
-    destination.current()
     sources = open_parts(skills, store, lock)
+    operation = _operation(options, refit)
+    current = destination.current()
+    reasons = reasons_to_make(current[0] if current else None, operation, (), note, parents_of(sources))
+    if current is not None and not reasons and not force:
+        return _kept(current, sources, plot)
     combined = options.combine([source.skill for source in sources])
     together = None
     if options.gate == "instantaneous" and combined.aligned:
@@ -163,14 +176,28 @@ def combine(
         require_stable(certificate)
     else:
         _require_proved_parts(certificate)
-    operation = _operation(options, coverage, together)
+    operation = operation.model_copy(update={"results": _results(coverage, together)})
     reports = carried_reports(sources) if together is None else together.reports
     artifact = child_artifact(combined, sources, operation, reports)
     written = destination.write(artifact)
     if plot is not None:
         draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
     measured = _Measured(coverage, before if options.calibrate else None)
-    return _report(written, sources, combined, measured, together, certificate)
+    report = _report(written, sources, combined, measured, together, certificate)
+    return replace(report, reasons=reasons or ("it was asked for",))
+
+
+def _kept(current: tuple[Artifact, Written], sources: Sequence[Source], plot: Path | None) -> CombineReport:
+    """Return the report on a skill that is there already, made of these parents."""
+    artifact, written = current
+    combined = artifact.skill
+    assert isinstance(combined, CombinedSkill)  # its operation says so
+    if plot is not None:
+        draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
+    measured = _Measured(compose.coverage(combined, artifact.demonstrations), None)
+    report = _report(written, sources, combined, measured, None, certify(combined))
+    origin: Any = artifact.operation.results.get("lyapunov")
+    return replace(report, status="up to date", lyapunov=origin)
 
 
 @dataclass(frozen=True)
@@ -181,13 +208,15 @@ class _Measured:
     before: tuple[PartCoverage, ...] | None
 
 
-def _operation(
-    options: CombineOptions, coverage: Sequence[PartCoverage], together: Together | None
-) -> Operation:
+def _operation(options: CombineOptions, refit: bool) -> Operation:
+    """Return what decides the result; what came of it is not known yet."""
+    recorded = asdict(options) if refit else {**asdict(options), "refit": False}
+    return Operation(command="combine", options=recorded)
+
+
+def _results(coverage: Sequence[PartCoverage], together: Together | None) -> dict[str, Any]:
     results: dict[str, Any] = {"kept": tuple(part.kept for part in coverage)}
-    if together is not None:
-        results |= together.results
-    return Operation(command="combine", options=asdict(options), results=results)
+    return results if together is None else results | together.results
 
 
 def _require_proved_parts(certificate: Certificate) -> None:

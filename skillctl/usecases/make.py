@@ -7,7 +7,17 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from skillctl.errors import StoreError, UsageError
-from skillctl.store import Artifact, Operation, current_provenance, input_fingerprint, write_file
+from skillctl.store import (
+    Artifact,
+    Operation,
+    ParentRecord,
+    current_provenance,
+    input_fingerprint,
+    write_file,
+)
+
+# The option that says, in one digest, which skills there were to choose from.
+CANDIDATES = "candidates"
 
 
 def require_target(output: Path | None, depfile: Path | None, if_changed: bool) -> None:
@@ -61,9 +71,21 @@ def _escaped(path: Path) -> str:
 
 
 def reasons_to_make(
-    current: Artifact | None, operation: Operation, paths: Sequence[Path], note: str | None
+    current: Artifact | None,
+    operation: Operation,
+    paths: Sequence[Path],
+    note: str | None,
+    parents: Sequence[ParentRecord] | None = (),
 ) -> tuple[str, ...]:
-    """Return, in words, why an artifact is not what an operation on these files would give; none if it is."""
+    """Return, in words, why an artifact is not what an operation on these inputs would give; none if it is.
+
+    Args:
+        current: The artifact that is there, if any.
+        operation: What would be done.
+        paths: Files that it would be done with.
+        note: That would be kept.
+        parents: Skills that it would be done with; None where the operation says which they are.
+    """
     if current is None:
         return ("there is no readable skill yet",)
     there = current.provenance
@@ -74,14 +96,36 @@ def reasons_to_make(
     else:
         changed = zip(paths, found, there.inputs, strict=True)
         reasons += [f"{path} has changed" for path, sha256, record in changed if sha256 != record.sha256]
+    if parents is not None:
+        reasons += _changed_parents(there.parents, parents)
     reasons += _changed_options(current.operation, operation)
     if note not in (None, current.operation.note):
         reasons.append("the note is another one")
-    would_be = current_provenance(inputs=there.inputs)
+    would_be = current_provenance(inputs=there.inputs, parents=there.parents if parents is None else parents)
     if would_be.tool != there.tool:
         reasons.append(f"it was made by skillctl {there.tool}, and this is {would_be.tool}")
     same = input_fingerprint(current.operation, there) == input_fingerprint(operation, would_be)
     return tuple(reasons) if reasons or same else ("it was made in another way",)
+
+
+def _changed_parents(there: Sequence[ParentRecord], wanted: Sequence[ParentRecord]) -> list[str]:
+    if len(there) != len(wanted):
+        return [f"it was made from {len(there)} skills, not {len(wanted)}"]
+    return [
+        f"{after.role} is {_named(after)} and was {_named(before)}"
+        for before, after in zip(there, wanted, strict=True)
+        if before.digest != after.digest
+    ]
+
+
+def _named(parent: ParentRecord) -> str:
+    name = parent.name if parent.version is None else f"{parent.name}@{parent.version}"
+    return f"{name} ({parent.digest.removeprefix('sha256:')[:12]})"
+
+
+def candidates_digest(digests: Iterable[str]) -> str:
+    """Return one digest for the skills that there are to choose from, in this order."""
+    return f"sha256:{hashlib.sha256(' '.join(digests).encode()).hexdigest()}"
 
 
 def _changed_options(there: Operation, wanted: Operation) -> list[str]:
@@ -91,7 +135,9 @@ def _changed_options(there: Operation, wanted: Operation) -> list[str]:
     )
     names = sorted(before.keys() | after.keys())
     return [
-        f"{name} is {_value(after.get(name))} and was {_value(before.get(name))}"
+        "the skills to choose from are others"
+        if name == CANDIDATES
+        else f"{name} is {_value(after.get(name))} and was {_value(before.get(name))}"
         for name in names
         if before.get(name) != after.get(name)
     ]

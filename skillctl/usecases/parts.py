@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.model import Skill
-from skillctl.store import Artifact, DemonstrationReport, InputRecord, Lock, Operation, current_provenance
+from skillctl.store import (
+    Artifact,
+    DemonstrationReport,
+    InputRecord,
+    Lock,
+    Operation,
+    ParentRecord,
+    current_provenance,
+)
 from skillctl.usecases.files import Source, open_skill
 
 
@@ -32,6 +40,11 @@ def open_parts(
 ) -> list[Source]:
     """Return the skills that the references name, if the lock allows them."""
     return [open_skill(reference, store, lock) for reference in references]
+
+
+def parents_of(sources: Sequence[Source]) -> list[ParentRecord]:
+    """Return what a child records about its parents."""
+    return [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
 
 
 def summaries(sources: Sequence[Source], shares: Sequence[float]) -> tuple[PartSummary, ...]:
@@ -66,8 +79,7 @@ def child_artifact(
         None if motions is None else motions.translated(moved.attractor - leaf.attractor)
         for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
     )
-    parents = [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
-    provenance = current_provenance(inputs=inputs, parents=parents)
+    provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
     return Artifact(child, demonstrations, operation, provenance, tuple(reports))
 
 
