@@ -53,11 +53,24 @@ class Kinematics:
         self.home = model.home_joints(HAND_PITCH[hand])
         self._damping = [DAMPING] * (model.n_joints + len(model.others))
         self._columns = model.columns
+        if model.pitch_joint is None:  # nobody has said how this arm holds its hand so
+            self.home = self._ready()
 
     def forward(self, joints: FloatArray) -> FloatArray:
         """Return the hand's position (3,) for joints (n,)."""
         self._body.pose(joints)
         return self._body.hand()[0]
+
+    def _ready(self) -> FloatArray:
+        """Return joints that hold the hand as asked: where it is when ready, else mid-workspace."""
+        x, y, z = self.model.reach_centre
+        cosine, sine = math.cos(self._base_yaw), math.sin(self._base_yaw)
+        middle = np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+        for point in (self.forward(self.home), middle):
+            found = self.search(point, seed=0)
+            if found.accepted:
+                return found.joints
+        return self.home
 
     def follow(self, point: FloatArray, joints: FloatArray) -> Solution:
         """Return the joints for a hand at ``point`` (3,) that was at ``joints`` (n,) one period ago."""
