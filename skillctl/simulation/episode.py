@@ -14,7 +14,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
-from skillctl.simulation.arm import CONTROL_PERIOD, ArmModel
+from skillctl.simulation.arm import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL, HandPolicy
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
@@ -69,7 +69,7 @@ class RefusedError(GoalNotReachedError):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TimeSeries:
-    """One row per control period, the first at rest before the first command, the last at the end.
+    """One row per control period of 1/240 s, or per 5 ms under torque control, from the start at rest on.
 
     Attributes:
         times: Shape (T,), [s].
@@ -205,10 +205,10 @@ def measure(
     planned = thinned(plan.positions, SPACING)
     planned_length = path_length(plan.positions)
     cup = series.cups[:, :3]
-    last = len(hand) - 1
+    aside = cup[approach] - series.targets[approach]  # moves of the target are not the hand's doing
     return Metrics(
         final_error=float(distances[-1]),
-        time_to_target=_arrival(distances, tolerance),
+        time_to_target=_arrival(distances, series.times[approach], tolerance),
         simulated_time=float(series.times[-1]),
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
@@ -223,7 +223,7 @@ def measure(
         ik_residual=float(series.residuals.max()),
         ik_failures=int((series.residuals > ACCEPTED_RESIDUAL).sum()),
         contacts=contacts,
-        cup_moved=float(np.linalg.norm(cup[last] - cup[0])),
+        cup_moved=float(np.linalg.norm(aside[-1] - aside[0])),
         cup_rise=float(cup[-1, 2] - cup[0, 2]),
         grip_width=float(series.fingers[-1].sum()) if series.fingers.shape[1] else np.nan,
     )
@@ -234,11 +234,11 @@ def _smallest(values: FloatArray) -> float:
     return float(measured.min()) if measured.size else np.nan
 
 
-def _arrival(distances: FloatArray, tolerance: float) -> float:
+def _arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
     """Return the time since which the distance has stayed within the tolerance, NaN if it is outside."""
     outside = np.flatnonzero(distances > tolerance)
     first = int(outside[-1]) + 1 if outside.size else 0
-    return first * CONTROL_PERIOD if first < len(distances) else np.nan
+    return float(times[first]) if first < len(distances) else np.nan
 
 
 def path_length(points: FloatArray) -> float:

@@ -28,14 +28,26 @@ class Motion:
     trajectories and stays stable (Eq. 7, first half).
     """
 
-    def __init__(self, skill: Skill, placement: Placement, scenario: Scenario) -> None:
-        """Args: skill, already moved to its target; placement; scenario, for the limits."""
+    def __init__(
+        self, skill: Skill, placement: Placement, scenario: Scenario, period: float = CONTROL_PERIOD
+    ) -> None:
+        """Args: skill, already moved to its target; placement; scenario, for the limits; period, [s]."""
         self._skill = skill
+        self._period = period
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
-        self._controller = Controller(skill, CONTROL_PERIOD)
+        self._controller = Controller(skill, period)
         self._goals = placement.to_workspace(attractors_of(skill))
+        self._moved = np.zeros(3)
         self._speed = 0.0
+
+    def move(self, offset: FloatArray) -> None:
+        """Move the skill in the workspace, all its targets with it, by ``offset`` (3,) [m].
+
+        To the skill this is a jump of the hand, so a latched one may select another part.
+        """
+        self._moved = self._moved + offset
+        self._goals = self._goals + offset
 
     @property
     def part(self) -> int:
@@ -60,9 +72,10 @@ class Motion:
         distance = float(np.linalg.norm(self.target(position) - position))
         limit = min(
             self._max_speed,
-            self._speed + self._max_acceleration * CONTROL_PERIOD,
+            self._speed + self._max_acceleration * self._period,
             math.sqrt(self._max_acceleration * distance),
         )
+        position = position - self._moved
         state = self._placement.to_state(position)
         inner = self._controller.step(state, max_speed=limit / self._placement.scale)
         velocity = self._placement.lift(inner, position)

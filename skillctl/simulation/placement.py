@@ -12,10 +12,12 @@ from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill, attractors_of, density_of
 from skillctl.simulation.arm import ArmModel
 from skillctl.simulation.scenario import Plane, Scenario
+from skillctl.simulation.scene import board_height, cup_middle
 
 PLACED_SIZE = 0.3  # [m], longest side of a motion that had to be scaled
 NATURAL_SIZES = (0.15, 0.45)  # [m]: a motion of this size is left as it is
-TABLE_HEIGHT = 0.3  # [m], of the xy plane
+TABLE_HEIGHT = 0.3  # [m], of the xy plane where there is no scene
+TABLE_ROOM = 0.06  # [m], of the xy plane above a table or a shelf's upper board
 DENSITY_REACH = 2.0  # standard deviations around each component that count as part of the motion
 PLANE_RATE = 2.0  # [1/s], at which the hand is drawn to the plane of a 2-D skill
 PREVIEW_DURATION, PREVIEW_PERIOD = 20.0, 0.02  # [s], of the rollout that shows how much room a motion needs
@@ -81,7 +83,7 @@ def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placem
         scales = [scenario.scale]
     else:
         scales = [factor * _natural_scale(float((high - low).max())) for factor in (1.0, 0.75, 0.5)]
-    return [_centred(axes, 0.5 * (low + high), scale, plane, model, scenario) for scale in scales]
+    return [_centred(skill, axes, 0.5 * (low + high), scale, plane, model, scenario) for scale in scales]
 
 
 def _named_plane(skill: Skill) -> Plane:
@@ -112,6 +114,7 @@ def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
 
 
 def _centred(
+    skill: Skill,
     axes: FloatArray,
     centre: FloatArray,
     scale: float,
@@ -119,9 +122,14 @@ def _centred(
     model: ArmModel,
     scenario: Scenario,
 ) -> Placement:
+    if scenario.target == "cup":
+        goal = attractors_of(skill)[0]
+        return Placement(axes, cup_middle(scenario) - scale * axes @ goal, scale, plane)
     if scenario.origin is not None:
         return Placement(axes, np.array(scenario.origin), scale, plane)
     middle = np.array(model.reach_centre)
     if plane == "xy":
-        middle[2] = TABLE_HEIGHT
+        middle[2] = (
+            TABLE_HEIGHT if scenario.scene is None else board_height(scenario.scene, "top") + TABLE_ROOM
+        )
     return Placement(axes, middle - scale * axes @ centre, scale, plane)

@@ -9,18 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.errors import GoalNotReachedError
-from skillctl.model.skill import Skill, attractors_of
-from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
+from skillctl.errors import UsageError
+from skillctl.model.skill import Skill, attractors_of, retargeted
+from skillctl.simulation.arm import ArmBody, ArmModel
 from skillctl.simulation.episode import RefusedError
+from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import HandPolicy, Kinematics, Solution
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scene import board_height, cup_middle
+from skillctl.simulation.urdf import find_arm
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
 TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
 REHEARSAL_RESIDUAL = 1e-3  # [m]: well within what is accepted on the way, so that tracking stays good
+START_BEFORE, START_ABOVE = 0.10, 0.13  # [m], of a scene's front edge and lowest board
 REHEARSAL_STRIDE = 8  # control periods: at most 1 cm at the default speed
 
 
@@ -29,17 +33,21 @@ class Setup:
     """Everything an episode needs to begin.
 
     Attributes:
+        skill: The skill, moved to its target.
         model, placement, hand, base_yaw: The choices made.
         joints: Start posture, shape (n,), [rad].
-        plan: The ideal motion from there.
+        plan: The ideal motion from there, to where the target truly is.
+        followable: Whether neighbouring joints exist all along the plan.
     """
 
+    skill: Skill
     model: ArmModel
     placement: Placement
     hand: HandPolicy
     base_yaw: float
     joints: FloatArray
     plan: Plan
+    followable: bool
 
 
 def prepare(skill: Skill, scenario: Scenario) -> Setup:
@@ -49,23 +57,31 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     plan cannot be followed.
 
     Raises:
-        UsageError: See ``placements``.
-        GoalNotReachedError: No choice lets the hand be both at the start and at the target.
+        UsageError: Start or target of another dimension, a skill or an arm that cannot do what the scenario
+            asks for (see ``placements``, ``require_gripper``).
+        RefusedError: No choice lets the hand be both at the start and at the target.
     """
-    model = ARMS[scenario.arm]
+    model = find_arm(scenario.arm, scenario.tip, scenario.home)
+    require_gripper(model, scenario)
+    if scenario.start is not None and len(scenario.start) != skill.dimension:
+        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
+    if isinstance(scenario.target, tuple):
+        skill = retargeted(skill, scenario.target)
     fallback: Setup | None = None
     for placement in placements(skill, model, scenario):
-        base_yaw = _facing(skill, placement) if scenario.base_yaw is None else scenario.base_yaw
-        with ArmBody(model, base_yaw) as body:
+        moved = _at_the_cup(skill, placement, scenario)
+        base_yaw = _base_yaw(moved, placement, scenario)
+        with ArmBody(model, base_yaw, shapes="none") as body:
             for hand in _hands(placement, scenario):
                 kinematics = Kinematics(body, hand, base_yaw)
                 try:
-                    joints, plan = _start_and_plan(skill, placement, kinematics, scenario)
-                except GoalNotReachedError as error:
+                    joints, plan = _start_and_plan(moved, placement, kinematics, scenario)
+                except RefusedError as error:
                     refusal = error
                     continue
-                setup = Setup(model, placement, hand, base_yaw, joints, plan)
-                if _followable(kinematics, joints, plan):
+                followable = _followable(kinematics, joints, plan)
+                setup = Setup(moved, model, placement, hand, base_yaw, joints, plan, followable)
+                if followable:
                     return setup
                 fallback = fallback or setup
     if fallback is None:
@@ -73,14 +89,27 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     return fallback
 
 
+def _at_the_cup(skill: Skill, placement: Placement, scenario: Scenario) -> Skill:
+    """Return the skill with its attractor in the middle of the cup, if that is the target."""
+    if scenario.target != "cup":
+        return skill
+    return retargeted(skill, placement.to_state(cup_middle(scenario)))
+
+
 def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
     if scenario.hand is not None:
         return (scenario.hand,)
+    if scenario.cup is not None:
+        return ("horizontal",)  # the fingers go round an upright cup
     return TABLE_HANDS if placement.plane == "xy" else UPRIGHT_HANDS
 
 
-def _facing(skill: Skill, placement: Placement) -> float:
-    """Return the multiple of a quarter turn nearest to the azimuth of the middle of all attractors."""
+def _base_yaw(skill: Skill, placement: Placement, scenario: Scenario) -> float:
+    """Return the yaw given, else 0 towards a scene, else that which faces the middle of all attractors."""
+    if scenario.base_yaw is not None:
+        return scenario.base_yaw
+    if scenario.scene is not None:
+        return 0.0
     x, y, _ = placement.to_workspace(attractors_of(skill)).mean(axis=0)
     return round(math.atan2(y, x) / (math.pi / 2)) * (math.pi / 2)
 
@@ -88,24 +117,34 @@ def _facing(skill: Skill, placement: Placement) -> float:
 def _start_and_plan(
     skill: Skill, placement: Placement, kinematics: Kinematics, scenario: Scenario
 ) -> tuple[FloatArray, Plan]:
-    joints = kinematics.home
-    if scenario.start is not None:
-        point = placement.to_workspace(np.array(scenario.start))
+    joints, point = kinematics.home, _start(placement, scenario)
+    if point is not None:
         joints = _required("start", point, kinematics.search(point, scenario.seed), scenario)
     plan = plan_motion(skill, placement, scenario, kinematics.forward(joints))
     _required("target", plan.target, kinematics.search(plan.target, scenario.seed), scenario)
     return joints, plan
 
 
+def _start(placement: Placement, scenario: Scenario) -> FloatArray | None:
+    """Return where the hand starts in the workspace, (3,); None: at the ready posture."""
+    if scenario.start is not None:
+        return placement.to_workspace(np.array(scenario.start))
+    if scenario.scene is None:
+        return None
+    lowest = board_height(scenario.scene, "bottom")
+    return np.array([scenario.scene.x_range[0] - START_BEFORE, 0.0, lowest + START_ABOVE])
+
+
 def _required(name: str, point: FloatArray, found: Solution, scenario: Scenario) -> FloatArray:
     if found.accepted:
         return found.joints
     x, y, z = point
+    option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(
         "unreachable",
         f"unreachable: the {name} ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside the workspace of the "
         f"{scenario.arm} arm; the closest posture found leaves the hand {1e3 * found.residual:.0f} mm away.",
-        hint=f"Choose another --{name}, or move the whole skill with --origin.",
+        hint=f"Choose another --{option}, or move the whole skill with --origin.",
     )
 
 

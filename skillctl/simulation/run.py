@@ -1,28 +1,35 @@
-"""Run a skill on an arm: prepare, control at 240 Hz, judge."""
+"""Run a skill on an arm: prepare, control, judge."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
-from skillctl.errors import UsageError
-from skillctl.model.skill import Skill, retargeted
-from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, ArmState, DrivenArm
+from skillctl.arrays import FloatArray, length
+from skillctl.model.skill import Skill
+from skillctl.simulation.arm import ArmBody, DrivenArm
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.control import Follower, Judge
-from skillctl.simulation.episode import Episode, Outcome, TimeSeries, measure
+from skillctl.simulation.control import Follower
+from skillctl.simulation.disturbances import Perception, Schedule, last_end
+from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
+from skillctl.simulation.episode import Episode, RefusedError, measure
+from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.prepare import Setup, prepare
-from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scenario import MoveTarget, Scenario
+from skillctl.simulation.scene import Contact, SceneBodies
+from skillctl.simulation.series import Recorder, Row
+from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
-PROGRESS_STEPS = 24  # control periods between two reports
+PROGRESS_TIME = 0.1  # [s] between two reports
+LIFTED_STEP = 0.005  # [m]: a lift is tried on the twin in steps of this length
+DISPLACED_STEP = 0.01  # [m]: joints for a displaced hand are followed there in steps of this length
 
 Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
@@ -30,114 +37,197 @@ Progress = Callable[[float, float], None]  # simulated seconds so far, and the h
 def simulate(skill: Skill, scenario: Scenario, *, progress: Progress | None = None) -> Episode:
     """Return what happens when an arm moves its hand as the skill says, in simulation.
 
-    Every control period the reference moves with the skill's velocity at the *measured* hand position,
-    and the arm's position motors follow it. Equal arguments give equal results, bit for bit, in any
-    process on the same machine and build. A success shows that the arm's workspace, speed and torque
-    allow the motion. It says nothing about obstacles, and the arm may pass through itself.
+    Every control period the skill is asked for the velocity at the *measured* hand position. Under
+    position control a reference moves with it, and the arm's position motors follow that. Equal arguments
+    give equal results, bit for bit, in any process on the same machine and build. A success shows that the
+    arm's workspace, speed and torque allow the motion, and that it touches nothing of the scene. It says
+    nothing about other obstacles, and the arm may pass through itself.
 
     Args:
         skill: Any skill over hand positions in two or three dimensions.
-        scenario: Arm, placement, start, target, limits.
+        scenario: Arm, placement, scene, start, target, limits, disturbances.
         progress: Called every tenth of a simulated second.
 
     Raises:
         NotFoundError: PyBullet is not installed.
         UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
-        GoalNotReachedError: Start or target lies where the arm's hand cannot be.
+        RefusedError: Start or target lies where the arm's hand cannot be, or in the scene.
     """
     began = time.perf_counter()
-    if scenario.start is not None and len(scenario.start) != skill.dimension:
-        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
-    if scenario.target is not None and scenario.target != "cup":
-        skill = retargeted(skill, scenario.target)
     with silenced(1):
         setup = prepare(skill, scenario)
-        model, plan = setup.model, setup.plan
-        motion = Motion(skill, setup.placement, scenario)
-        with ArmBody(model, setup.base_yaw) as twin, ArmBody(model, setup.base_yaw) as body:
-            kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
-            outcome, series = _drive(
-                setup, kinematics, DrivenArm(body, setup.joints), motion, scenario, progress
-            )
-    target = motion.target(series.hand[-1])
+        with (
+            ArmBody(setup.model, setup.base_yaw, shapes="none") as twin,
+            ArmBody(setup.model, setup.base_yaw, shapes="collision") as body,
+        ):
+            run = _Run(setup, scenario, twin, body)
+            verdict = run.drive(progress)
+    series = run.recorder.series()
     return Episode(
         scenario=scenario,
-        outcome=outcome,
-        detail="" if outcome == "reached" else outcome,
-        arm=model,
+        outcome=verdict.outcome,
+        detail=verdict.detail,
+        arm=setup.model,
         hand=setup.hand,
         base_yaw=setup.base_yaw,
         placement=setup.placement,
-        target=target,
-        plan=plan,
+        target=series.targets[-1],
+        plan=setup.plan,
         series=series,
-        metrics=measure(series, plan, model, scenario.tolerance),
+        metrics=measure(series, setup.plan, setup.model, scenario.tolerance, run.recorder.touched),
         wall_seconds=time.perf_counter() - began,
     )
 
 
-def _drive(
-    setup: Setup,
-    kinematics: Kinematics,
-    arm: DrivenArm,
-    motion: Motion,
-    scenario: Scenario,
-    progress: Progress | None,
-) -> tuple[Outcome, TimeSeries]:
-    horizon = _horizon(setup, scenario)
-    judge, log = Judge.of(setup.plan, scenario), _Log()
-    follower = Follower(kinematics, setup.joints)
-    outcome: Outcome | None = None
-    for step in range(math.ceil(horizon / CONTROL_PERIOD) + 1):
-        state = arm.state()
-        velocity = motion.velocity(state.hand)
-        log.add(step, state, follower, motion.part)
-        outcome = judge.outcome(motion, state.hand, velocity, follower.refusals)
-        if outcome is not None:
-            break
-        joints = follower.joints
-        motion.slowed(follower.advance(velocity, state.hand))
-        arm.drive(joints, follower.joints)
-        if progress is not None and step % PROGRESS_STEPS == 0:
-            progress(step * CONTROL_PERIOD, horizon)
-    log.target = motion.target(state.hand)
-    return outcome or "timeout", log.series()
+class _Run:
+    """One episode in its world."""
 
+    def __init__(self, setup: Setup, scenario: Scenario, twin: ArmBody, body: ArmBody) -> None:
+        self.setup, self.scenario = setup, scenario
+        self.scene = SceneBodies(body, scenario)
+        self.kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
+        self.driver = self._driver(body)
+        self.perception = Perception(scenario)
+        self.schedule = Schedule(scenario.disturbances)
+        self.motion = Motion(setup.skill, setup.placement, scenario, self.driver.period)
+        self.seen_off = np.zeros(3)  # from the true target to the perceived one
+        self._look()
+        self.judge = Judge.of(setup.plan, scenario, self.driver.period)
+        self.grasping = None
+        if scenario.cup is not None:
+            self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)
+        self.recorder = Recorder(body, self.scene)
 
-def _horizon(setup: Setup, scenario: Scenario) -> float:
-    if scenario.max_duration is not None:
-        return scenario.max_duration
-    if not setup.plan.arrived:
-        return setup.plan.duration
-    return HORIZON_FACTOR * setup.plan.duration + HORIZON_SLACK
+    def _driver(self, body: ArmBody) -> Driver:
+        if self.scenario.control == "torque":
+            return TorqueDriver(TorqueArm(body, self.setup.joints, self.kinematics))
+        follower = Follower(self.kinematics, self.setup.joints)
+        return PositionDriver(follower, DrivenArm(body, self.setup.joints))
 
+    def _look(self) -> None:
+        """See where the target is, with a new error."""
+        seen_off = self.perception.read_target()
+        self.motion.move(seen_off - self.seen_off)
+        self.seen_off = seen_off
 
-@dataclass(slots=True)
-class _Log:
-    """Collects rows, and turns them into a time series."""
-
-    rows: list[tuple[int, ArmState, FloatArray, float, int]] = field(default_factory=list)
-    target: FloatArray = field(default_factory=lambda: np.zeros(3))
-
-    def add(self, step: int, state: ArmState, follower: Follower, part: int) -> None:
-        self.rows.append((step, state, follower.reference, follower.residual, part))
-
-    def series(self) -> TimeSeries:
-        steps, states, references, residuals, parts = zip(*self.rows, strict=True)
-        count = len(steps)
-        return TimeSeries(
-            phases=np.zeros(count, dtype=np.int64),
-            targets=np.tile(self.target, (count, 1)),
-            fingers=np.zeros((count, 0)),
-            cups=np.full((count, 7), np.nan),
-            contacts=np.zeros(count, dtype=np.int64),
-            clearances=np.full(count, np.nan),
-            times=CONTROL_PERIOD * np.array(steps, dtype=np.float64),
-            reference=np.stack(references),
-            hand=np.stack([state.hand for state in states]),
-            joints=np.stack([state.joints for state in states]),
-            velocities=np.stack([state.velocities for state in states]),
-            torques=np.stack([state.torques for state in states]),
-            residuals=np.array(residuals, dtype=np.float64),
-            parts=np.array(parts, dtype=np.int64),
+    def drive(self, progress: Progress | None) -> Verdict:
+        """Let time pass until the episode is over, and return how it ended."""
+        self._require_free_start()
+        period, horizon = self.driver.period, self._horizon()
+        every = round(PROGRESS_TIME / period)
+        for step in range(math.ceil(horizon / period) + 1):
+            now = step * period
+            verdict = self._disturbed(now) or self._step(now)
+            if verdict is not None:
+                return verdict
+            if progress is not None and step % every == 0:
+                progress(now, horizon)
+        distance = length(self.driver.state().hand - self.motion.target(self.driver.state().hand))
+        return Verdict(
+            "timeout", f"the hand was {1e3 * distance:.0f} mm from its target after {horizon:.1f} s"
         )
+
+    def _step(self, now: float) -> Verdict | None:
+        """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
+        hand = self.driver.state().hand
+        contacts = self.scene.contacts()
+        velocity = self.grasping.velocity(now) if self.grasping else None
+        by_skill = velocity is None
+        if velocity is None:
+            velocity = self.motion.velocity(self.perception.hand(hand))
+        self.recorder.add(now, self._row(hand, contacts))
+        verdict = self._verdict(now, hand, velocity, contacts)
+        if verdict is not None:
+            return verdict
+        share = self.driver.drive(velocity, self.schedule.push(now))
+        if by_skill:
+            self.motion.slowed(share)
+        if self.grasping:
+            self.grasping.proceed(now, length(hand - self.motion.target(hand)))
+        return None
+
+    def _verdict(
+        self, now: float, hand: FloatArray, velocity: FloatArray, contacts: list[Contact]
+    ) -> Verdict | None:
+        phase, began = ("approach", 0.0)
+        if self.grasping:
+            phase, began = self.grasping.phase, self.grasping.began
+        for contact in contacts:
+            if contact.thing != "cup":
+                when = f"{now - began:.1f} s into the {phase}"
+                return Verdict("shelf_contact", f"{contact.link} touched the {contact.thing} {when}")
+        failure = self.judge.failure(self.motion, hand, velocity, self.driver)
+        if failure is not None or not self.grasping:
+            return failure or self.judge.settled(self.motion, hand)
+        return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
+
+    def _row(self, hand: FloatArray, contacts: list[Contact]) -> Row:
+        return Row(
+            state=self.driver.state(),
+            reference=self.driver.reference,
+            residual=self.driver.residual,
+            part=self.motion.part,
+            phase=self.grasping.phase if self.grasping else "approach",
+            target=self.motion.target(hand) - self.seen_off,
+            contacts=contacts,
+        )
+
+    def _disturbed(self, now: float) -> Verdict | None:
+        """Let happen what is due; return a failure if the hand cannot be taken where it should."""
+        for event in self.schedule.due(now):
+            offset = np.array(event.offset)
+            if isinstance(event, MoveTarget):
+                self.scene.move_cup(offset)
+                if self.grasping:
+                    self.grasping.cup_moved(offset)
+                self.motion.move(offset)
+                self._look()
+            elif not self._displaced(offset):
+                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.driver.state().hand + offset))
+                return Verdict("unreachable", f"no joints put the displaced hand at {where}")
+        return None
+
+    def _displaced(self, offset: FloatArray) -> bool:
+        """Take the hand elsewhere, by ``offset`` (3,); return False if it cannot be there."""
+        state = self.driver.state()
+        joints = state.joints
+        for share in np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]:
+            solution = self.kinematics.follow(state.hand + share * offset, joints)
+            if not solution.accepted:
+                return False
+            joints = solution.joints
+        self.driver.displace(joints)
+        return True
+
+    def _liftable(self) -> float:
+        """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
+        state, lift = self.driver.state(), self.scenario.grasp.lift
+        joints, steps = state.joints, math.ceil(lift / LIFTED_STEP)
+        for step in range(1, steps + 1):
+            point = state.hand + np.array([0.0, 0.0, lift * step / steps])
+            solution = self.kinematics.follow(point, joints)
+            if not solution.accepted:
+                return lift * (step - 1) / steps
+            joints = solution.joints
+        return lift
+
+    def _require_free_start(self) -> None:
+        contacts = self.scene.contacts_now()
+        if contacts:
+            contact = contacts[0]
+            raise RefusedError(
+                "start_collision",
+                f"start: {contact.link} would touch the {contact.thing} before anything has moved.",
+                hint="Choose another --start, farther from the scene.",
+            )
+
+    def _horizon(self) -> float:
+        scenario, plan = self.scenario, self.setup.plan
+        if scenario.max_duration is not None:
+            return scenario.max_duration
+        end = last_end(scenario.disturbances)
+        grasp = scenario.grasp
+        after = grasp.close_time + grasp.lift_time + grasp.hold_time if scenario.cup else 0.0
+        if not plan.arrived:
+            return plan.duration + end + after
+        return HORIZON_FACTOR * plan.duration + HORIZON_SLACK + end + after

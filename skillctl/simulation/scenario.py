@@ -136,7 +136,8 @@ class Grasp(Part):
         force: Of each finger, [N].
         speed: Of each finger, [m/s].
         close_time: From then to the lift, [s].
-        lift: How far the hand goes up, [m], with minimum jerk.
+        lift: How far the hand goes up, [m], with minimum jerk; less if the arm does not reach so far, but not
+            less than ``rise``.
         lift_time, hold_time: Duration of the lift, and of standing still after it, [s].
         rise: How far the cup has to be up all through the hold, [m].
     """
@@ -149,6 +150,12 @@ class Grasp(Part):
     lift_time: Positive = 1.2
     hold_time: Positive = 1.0
     rise: Positive = 0.05
+
+    @model_validator(mode="after")
+    def _lifts_enough(self) -> Grasp:
+        if self.lift < self.rise:
+            raise ValueError("lift: must not be less than rise.")
+        return self
 
 
 class Push(Part):
@@ -218,6 +225,7 @@ class Scenario(Part):
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
+        tip, home: Of an arm by path, see ``find_arm``: the link that is its hand, and its ready posture, [rad].
         start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture, and
             in a scene 10 cm before its front edge, 13 cm above the lowest board.
         target: Where the skill's attractor is moved to: a point in the skill's own coordinates, or
@@ -250,6 +258,8 @@ class Scenario(Part):
     """
 
     arm: Annotated[str, Field(strict=True)] = "panda"
+    tip: Annotated[str, Field(strict=True)] | None = None
+    home: Vector | None = None
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
     plane: Plane | None = None

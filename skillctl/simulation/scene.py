@@ -121,6 +121,11 @@ class SceneBodies:
             if point[2] != self._arm.body and (point[9] > CONTACT_FORCE or point[8] < -CONTACT_DEPTH)
         ]
 
+    def contacts_now(self) -> list[Contact]:
+        """Return the contacts before any time has passed: no forces yet, but depths."""
+        self._arm.bullet.performCollisionDetection(physicsClientId=self._arm.client)
+        return self.contacts()
+
     def clearance(self) -> float:
         """Return the distance of the arm to the scene without the cup, [m]; NaN without a scene."""
         if not self._names:

@@ -9,10 +9,13 @@ import pytest
 
 from skillctl.simulation import Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
-from skillctl.simulation.control import Follower, Judge
+from skillctl.simulation.control import Follower
+from skillctl.simulation.driver import Driver
 from skillctl.simulation.ik import Solution
+from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.scenario import MoveTarget
 
 FORWARD = np.array([0.24, 0.0, 0.0])  # [m/s]: 1 mm per period
 STEP = FORWARD * CONTROL_PERIOD
@@ -23,6 +26,7 @@ class Gantry:
     """Moves along x, y, z at up to 1 m/s and cannot be where 0.0105 < x < 0.0145."""
 
     model = SimpleNamespace(max_velocity=np.ones(3))
+    lower, upper = np.full(3, -1.0), np.full(3, 1.0)
 
     def forward(self, joints: np.ndarray) -> np.ndarray:
         return joints
@@ -63,6 +67,15 @@ def test_over_a_gap_the_arm_waits_and_then_catches_up(follower: Follower) -> Non
     assert stops[14] - stops[13] == pytest.approx(0.95 * CONTROL_PERIOD, rel=64 * EPS)
 
 
+def test_a_joint_at_its_limit_is_remembered(follower: Follower) -> None:
+    follower.advance(np.array([0.012, 0.0, 0.0]) / CONTROL_PERIOD, np.zeros(3))
+    assert (follower.refusals, follower.at_limit) == (1, None)  # blocked, and no limit near
+    follower.restart(np.array([0.010, 1.0, 0.0]))
+    assert follower.refusals == 0
+    follower.advance(FORWARD, follower.reference)
+    assert (follower.refusals, follower.at_limit) == (1, 1)
+
+
 def test_the_reference_yields_to_a_hand_that_was_pushed(follower: Follower) -> None:
     follower.advance(FORWARD, np.array([0.0, 0.009, 0.0]))
     assert follower.reference[1] == 0  # less than 10 mm: not a push
@@ -86,23 +99,45 @@ NEAR, FAR = np.array([0.0, 0.0019, 0.0]), np.array([0.0, 0.0021, 0.0])
 REST = np.zeros(3)
 
 
+def driver(refusals: int = 0, at_limit: int | None = None) -> Driver:
+    """A driver that says so."""
+    return SimpleNamespace(refusals=refusals, at_limit=at_limit, reference=FAR)  # type: ignore[return-value]
+
+
 def test_passing_through_the_target_is_not_reaching_it(judge: Judge, motion: Motion) -> None:
     hands = [NEAR, NEAR, NEAR, FAR, NEAR, NEAR, NEAR, NEAR]
-    outcomes = [judge.outcome(motion, hand, REST, 0) for hand in hands]
-    assert outcomes == [None] * 7 + ["reached"]
+    assert [judge.settled(motion, hand) for hand in hands] == [None] * 7 + [Verdict("reached")]
 
 
 def test_a_quarter_of_a_second_without_joints_ends_the_episode(judge: Judge, motion: Motion) -> None:
-    assert judge.outcome(motion, FAR, REST, 59) is None
-    assert judge.outcome(motion, FAR, REST, 60) == "unreachable"
+    assert judge.failure(motion, FAR, REST, driver(59)) is None
+    assert outcome(judge.failure(motion, FAR, REST, driver(60))) == "unreachable"
+
+
+def test_a_limit_in_the_way_is_named(judge: Judge, motion: Motion) -> None:
+    verdict = judge.failure(motion, FAR, REST, driver(60, at_limit=3))
+    assert verdict is not None
+    assert verdict.outcome == "joint_limit"
+    assert "joint 4" in verdict.detail
 
 
 def test_leaving_the_plan_far_behind_is_diverging(judge: Judge, motion: Motion) -> None:
     limit = 1.5 * 0.4 + 0.05
-    assert judge.outcome(motion, np.array([0.99 * limit, 0.0, 0.0]), REST, 0) is None
-    assert judge.outcome(motion, np.array([1.01 * limit, 0.0, 0.0]), REST, 0) == "diverged"
+    assert judge.failure(motion, np.array([0.99 * limit, 0.0, 0.0]), REST, driver()) is None
+    assert outcome(judge.failure(motion, np.array([1.01 * limit, 0.0, 0.0]), REST, driver())) == "diverged"
+
+
+def test_a_target_that_jumps_may_be_farther_away(motion: Motion) -> None:
+    plan = Plan(np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(3), True)
+    scenario = Scenario(disturbances=(MoveTarget(time=1.0, offset=(0.0, 3.0, 4.0)),))
+    limit = 1.5 * 0.3 + 0.05 + 5.0
+    assert Judge.of(plan, scenario).farthest == pytest.approx(limit, rel=4 * EPS)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_velocity_that_is_no_number_is_diverging(judge: Judge, motion: Motion, bad: float) -> None:
-    assert judge.outcome(motion, FAR, np.array([0.0, bad, 0.0]), 0) == "diverged"
+    assert outcome(judge.failure(motion, FAR, np.array([0.0, bad, 0.0]), driver())) == "diverged"
+
+
+def outcome(verdict: Verdict | None) -> str | None:
+    return None if verdict is None else verdict.outcome

@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -137,10 +138,11 @@ def test_what_lies_outside_the_workspace_is_refused_before_the_run(where: str, l
     assert f"--{where}" in refusal.value.hint
 
 
-def test_a_way_that_cannot_be_followed_ends_unreachable(linear: MakeLinear) -> None:
+def test_a_way_that_cannot_be_followed_ends_at_the_joint_in_the_way(linear: MakeLinear) -> None:
     skill = linear((-0.4, 0.0, 0.3))  # straight through the arm's own base
     episode = simulate(skill, Scenario(arm="iiwa", start=(0.5, 0.0, 0.3), base_yaw=0.0))
-    assert episode.outcome == "unreachable"
+    assert episode.outcome == "joint_limit"
+    assert re.fullmatch(r"joint \d would have to pass its limit for the hand at \(.*\) m", episode.detail)
     assert not episode.success
     assert math.isnan(episode.metrics.time_to_target)
     assert episode.metrics.ik_failures == 60  # a quarter of a second

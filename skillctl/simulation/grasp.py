@@ -1,0 +1,167 @@
+"""At the cup: close the fingers, lift, hold, and say whether the cup came along."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, length
+from skillctl.errors import UsageError
+from skillctl.simulation.arm import ArmBody, ArmModel
+from skillctl.simulation.episode import Phase
+from skillctl.simulation.judge import Verdict
+from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scene import Contact
+
+TIPPED = math.cos(math.radians(20.0))  # of the angle between the cup's axis and the vertical
+FALLEN = 0.02  # [m] below where it stood: not on its board any more
+FIRST_LOOK = 0.05  # [s]
+GEAR_FORCE, GEAR_ERP = 50.0, 0.1  # one motor drives both fingers of the real hand
+
+
+def require_gripper(model: ArmModel, scenario: Scenario) -> None:
+    """Raise UsageError unless the arm has fingers that go round the scenario's cup, if it has one."""
+    if scenario.cup is None:
+        return
+    if not model.fingers:
+        raise UsageError(f"the {model.name} arm has no gripper to take the cup.", hint="Use --arm panda.")
+    opening = sum(place for _, place in model.fingers)
+    if 2 * scenario.cup.radius >= opening:
+        raise UsageError(
+            f"cup.radius: a cup {2e3 * scenario.cup.radius:.0f} mm wide does not fit between fingers "
+            f"{1e3 * opening:.0f} mm apart."
+        )
+
+
+class Gripper:
+    """The fingers of an arm in a world with a cup."""
+
+    def __init__(self, arm: ArmBody) -> None:
+        """Args: the arm, whose fingers are open."""
+        self._arm = arm
+        self._joints = [joint for joint, _ in arm.model.fingers]
+        bullet, client = arm.bullet, arm.client
+        first, second = self._joints
+        gear = bullet.createConstraint(
+            arm.body, first, arm.body, second, bullet.JOINT_GEAR, (1, 0, 0), (0, 0, 0), (0, 0, 0),
+            physicsClientId=client,
+        )  # fmt: skip
+        bullet.changeConstraint(gear, gearRatio=-1, erp=GEAR_ERP, maxForce=GEAR_FORCE, physicsClientId=client)
+        for joint in self._joints:
+            bullet.changeDynamics(arm.body, joint, lateralFriction=1.0, physicsClientId=client)
+        self.links = tuple(
+            bullet.getJointInfo(arm.body, joint, physicsClientId=client)[12].decode()
+            for joint in self._joints
+        )
+
+    def close(self, force: float, speed: float) -> None:
+        """Begin to close with ``force`` [N] and ``speed`` [m/s] a finger."""
+        arm = self._arm
+        for joint in self._joints:
+            arm.bullet.setJointMotorControl2(
+                arm.body,
+                joint,
+                arm.bullet.POSITION_CONTROL,
+                targetPosition=0.0,
+                force=force,
+                maxVelocity=speed,
+                physicsClientId=arm.client,
+            )
+
+
+class Grasping:
+    """Approach, close, lift, hold: which of them it is, and how the last two move the hand.
+
+    Attributes:
+        phase: The present one.
+        began: When it began, [s].
+    """
+
+    def __init__(
+        self, scenario: Scenario, gripper: Gripper, cup: FloatArray, liftable: Callable[[], float]
+    ) -> None:
+        """Args: scenario with a cup; gripper; pose (7,) of the cup at the start; how far up the hand can go
+        from where it is, at most the scenario's lift, [m].
+        """
+        self.phase: Phase = "approach"
+        self.began = 0.0
+        self._plan, self._gripper, self._liftable = scenario.grasp, gripper, liftable
+        self._lift = 0.0
+        self._standing = cup[:3]
+        self._toucher = ""
+
+    def cup_moved(self, offset: FloatArray) -> None:
+        """Take note that the cup was put elsewhere, by ``offset`` (3,)."""
+        self._standing = self._standing + offset
+
+    def proceed(self, time: float, distance: float) -> None:
+        """Go on to the next phase if it is time; ``distance`` is the hand's to its target, [m]."""
+        plan, elapsed = self._plan, time - self.began
+        if self.phase == "approach" and distance < plan.distance:
+            self._gripper.close(plan.force, plan.speed)
+            self._begin("close", time)
+        elif self.phase == "close" and elapsed >= plan.close_time:
+            self._lift = self._liftable()
+            self._begin("lift", time)
+        elif self.phase == "lift" and elapsed >= plan.lift_time:
+            self._begin("hold", time)
+
+    def _begin(self, phase: Phase, time: float) -> None:
+        self.phase, self.began = phase, time
+
+    def velocity(self, time: float) -> FloatArray | None:
+        """Return the hand's velocity (3,) [m/s]; None while the skill moves it."""
+        if self.phase in ("approach", "close"):
+            return None
+        if self.phase == "hold":
+            return np.zeros(3)
+        share = (time - self.began) / self._plan.lift_time
+        speed = self._lift / self._plan.lift_time * 30 * (share * (1 - share)) ** 2  # minimum jerk
+        return np.array([0.0, 0.0, speed])
+
+    def verdict(self, time: float, cup: FloatArray, contacts: Sequence[Contact]) -> Verdict | None:
+        """Return how the grasp ended, None while it goes on.
+
+        Args:
+            time: Now, [s].
+            cup: Pose (7,) of the cup.
+            contacts: What the arm touches.
+        """
+        touching = {contact.link for contact in contacts if contact.thing == "cup"}
+        if self.phase == "approach":
+            return self._standing_verdict(time, cup, touching)
+        held = touching.issuperset(self._gripper.links)
+        elapsed, plan = time - self.began, self._plan
+        if self.phase == "close":
+            fallen = self._standing_verdict(time, cup, touching) if not held else None
+            return fallen or (
+                self._missed(cup, touching) if elapsed >= plan.close_time and not held else None
+            )
+        if self.phase == "lift":
+            if self._lift >= plan.rise:
+                return None
+            return Verdict("unreachable", f"the arm can lift the cup by {1e3 * self._lift:.0f} mm only")
+        rise = float(cup[2] - self._standing[2])
+        if rise < plan.rise:
+            when = "after the lift" if elapsed < FIRST_LOOK else f"{elapsed:.1f} s into the hold"
+            return Verdict("dropped", f"the cup was {1e3 * max(rise, 0.0):.0f} mm up {when}")
+        return Verdict("grasped", "") if elapsed >= plan.hold_time else None
+
+    def _standing_verdict(self, time: float, cup: FloatArray, touching: set[str]) -> Verdict | None:
+        if touching:
+            self._toucher = min(touching)
+        x, y = cup[3:5]
+        upright, low = 1 - 2 * (x * x + y * y), self._standing[2] - FALLEN
+        if upright > TIPPED and cup[2] > low:
+            return None
+        how = "fell over" if upright <= TIPPED else "fell off its board"
+        cause = f", pushed by {self._toucher}" if self._toucher else ""
+        return Verdict("tipped", f"the cup {how} {time:.1f} s into the approach{cause}")
+
+    def _missed(self, cup: FloatArray, touching: set[str]) -> Verdict:
+        fingers = touching.intersection(self._gripper.links)
+        had = f"only {min(fingers)} touched the cup" if fingers else "no finger touched the cup"
+        moved = 1e3 * length(cup[:3] - self._standing)
+        return Verdict("missed", f"{had} when the hand had closed; the cup had been moved {moved:.0f} mm")

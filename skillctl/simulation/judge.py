@@ -1,0 +1,83 @@
+"""Whether a motion is over, and how it ended."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.arrays import FloatArray, length
+from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.disturbances import jumped
+from skillctl.simulation.driver import Driver
+from skillctl.simulation.episode import Outcome
+from skillctl.simulation.motion import Motion, Plan
+from skillctl.simulation.scenario import Scenario
+
+UNREACHABLE_TIME = 0.25  # [s] without joints for the reference, in a row
+DIVERGED_FACTOR, DIVERGED_ROOM = 1.5, 0.05  # of the plan's largest distance to its target; [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How an episode ended; ``detail``: for a failure what happened, as the end of a sentence."""
+
+    outcome: Outcome
+    detail: str = ""
+
+
+@dataclass(slots=True)
+class Judge:
+    """Decides when a motion is over, and how it ended.
+
+    Attributes:
+        tolerance: Distance to the target that counts as reached, [m].
+        settle_steps: Control periods that the hand has to stay within it.
+        farthest: Distance to every target at which the motion has diverged, [m].
+        refusals: Control periods in a row without joints after which it is over.
+        steps_near: Control periods within the tolerance so far, in a row.
+    """
+
+    tolerance: float
+    settle_steps: int
+    farthest: float
+    refusals: int
+    steps_near: int = 0
+
+    @classmethod
+    def of(cls, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> Judge:
+        """Return a judge of a motion that should go as planned but for the scenario's disturbances."""
+        distances = np.linalg.norm(plan.positions - plan.target, axis=1)
+        planned = distances.max() if plan.arrived else distances[0]
+        farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
+        return cls(
+            scenario.tolerance,
+            math.ceil(scenario.settle_time / period),
+            farthest,
+            math.ceil(UNREACHABLE_TIME / period),
+        )
+
+    def failure(
+        self, motion: Motion, hand: FloatArray, velocity: FloatArray, driver: Driver
+    ) -> Verdict | None:
+        """Return how the motion failed, None if it has not."""
+        distance = motion.distance_to_goals(hand)
+        if not np.isfinite(velocity).all():
+            return Verdict("diverged", "the skill's velocity was not a number")
+        if not distance < self.farthest:
+            return Verdict("diverged", f"the hand was {distance:.2f} m from its target, and going away")
+        if driver.refusals < self.refusals:
+            return None
+        where = "({:.2f}, {:.2f}, {:.2f}) m".format(*driver.reference)
+        if driver.at_limit is None:
+            return Verdict("unreachable", f"no joints put the hand near {where}")
+        return Verdict(
+            "joint_limit", f"joint {driver.at_limit + 1} would have to pass its limit for the hand at {where}"
+        )
+
+    def settled(self, motion: Motion, hand: FloatArray) -> Verdict | None:
+        """Return ``reached`` when the hand has stayed at the target for long enough, else None."""
+        near = length(hand - motion.target(hand)) < self.tolerance
+        self.steps_near = self.steps_near + 1 if near else 0
+        return Verdict("reached") if self.steps_near > self.settle_steps else None
