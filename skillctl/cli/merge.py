@@ -44,6 +44,8 @@ def merge(
     message: options.Message = None,
     depfile: options.Depfile = None,
     if_changed: options.IfChanged = False,
+    explain: options.Explain = False,
+    force: options.Force = False,
     plot: options.Plot = None,
     weights: Annotated[
         options.Numbers | None,
@@ -145,6 +147,7 @@ def merge(
             if fit
             else None,
             refit=not no_refit,
+            force=force,
             plot=plot,
             progress=progress,
         )
@@ -153,8 +156,7 @@ def merge(
     finish_target(
         output_file, [*(fit or ()), *parts], created=report.created, depfile=depfile, if_changed=if_changed
     )
-    for note in report.notes:
-        output.note(f"note: {note}")
+    words.explain(output, report.notes, report.reasons if explain else ())
     output.result(report, lambda: blocks(report))
 
 
@@ -181,6 +183,8 @@ def _require_task(
 
 def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
+    if report.status == "up to date":
+        return [words.up_to_date(report.skill, "inputs")]
     blocks: list[render.Block] = [words.parts(report.parts, "weight")]
     if report.refits:
         blocks.append(words.refits(report.refits, report.unit))

@@ -40,12 +40,12 @@ class Candidates:
 
     Attributes:
         helpful: The two to ``MOST_PARTS`` that move along with the task.
-        considered: How many have the state space of the task.
+        digests: Of all that have the state space of the task.
         notes: Which could not be read.
     """
 
     helpful: tuple[Source, ...]
-    considered: int
+    digests: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -83,7 +83,8 @@ def candidates_from_store(
             "are needed.",
             hint="Learn more skills, or name another store with --store.",
         )
-    return Candidates(_helpful(sources, shown), len(sources), tuple(notes))
+    digests = tuple(source.artifact.digest for source in sources)
+    return Candidates(_helpful(sources, shown), digests, tuple(notes))
 
 
 def _helpful(sources: Sequence[Source], shown: DemonstrationSet) -> tuple[Source, ...]:

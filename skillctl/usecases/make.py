@@ -144,6 +144,8 @@ def _changed_options(there: Operation, wanted: Operation) -> list[str]:
 
 
 def _value(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ",".join(map(_value, value))
     return "not set" if value is None else str(value)
 
 

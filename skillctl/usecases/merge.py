@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,13 +17,21 @@ from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
 from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, certify
-from skillctl.store import DemonstrationReport, Lock, Operation, input_record
+from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
 from skillctl.usecases.candidates import candidates_from_store, require_same_space
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import report_errors
 from skillctl.usecases.files import Source
 from skillctl.usecases.learn import Reading
-from skillctl.usecases.parts import PartSummary, child_artifact, draw_family, open_parts, summaries
+from skillctl.usecases.make import CANDIDATES, candidates_digest, reasons_to_make
+from skillctl.usecases.parts import (
+    PartSummary,
+    child_artifact,
+    draw_family,
+    open_parts,
+    parents_of,
+    summaries,
+)
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
 from skillctl.usecases.refit import Refit
@@ -66,6 +75,9 @@ class MergeReport:
         task: How it was fitted to a task, if it was.
         rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
         notes: What is worth knowing.
+        status: ``merged``, or ``up to date``: the same inputs and options gave what is there. Then nothing
+            was fitted or learned again.
+        reasons: Why it was made, in words; none if it was up to date.
     """
 
     skill: str
@@ -84,6 +96,8 @@ class MergeReport:
     rate: float | None
     period: float | None
     notes: tuple[str, ...]
+    status: Literal["merged", "up to date"] = "merged"
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -137,6 +151,7 @@ def merge(
     options: MergeOptions | None = None,
     task: TaskOptions | None = None,
     refit: bool = True,
+    force: bool = False,
     plot: Path | None = None,
     progress: Progress | None = None,
 ) -> MergeReport:
@@ -152,6 +167,7 @@ def merge(
         options: How the parts act together.
         task: Fit the weights to demonstrations of a new task.
         refit: Learn the parts again from their embedded demonstrations if no common Lyapunov matrix exists.
+        force: Make it even if the same inputs and options gave what is there.
         plot: Draw the skill beside its parents there; the suffix decides the format.
         progress: Called with (stage, done, total) while parts are refitted.
 
@@ -165,24 +181,27 @@ def merge(
     destination = Destination(output, name, store, note)
     if plot is not None:
         require_picture(plot)
-    destination.current()
+    current = destination.current()
     if task is not None:
-        return _merge_for_task(skills, destination, lock, options, task, refit, plot, progress)
+        return _merge_for_task(skills, destination, lock, options, task, refit, force, plot, progress)
     sources = open_parts(skills, store, lock)
+    operation = Operation(command="merge", options={**asdict(options), "refit": refit})
+    reasons = reasons_to_make(current[0] if current else None, operation, (), note, parents_of(sources))
+    if current is not None and not reasons and not force:
+        return _kept(current, sources, plot)
     parents = [source.skill for source in sources]
     options.merge(parents, np.eye(parents[0].dimension))  # complains about options before any work is done
     together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
     merged = options.merge(together.parts, together.lyapunov)
     certificate = certify(merged)
     require_stable(certificate)
-    operation = Operation(
-        command="merge", options={**asdict(options), "refit": refit}, results=together.results
-    )
+    operation = operation.model_copy(update={"results": together.results})
     artifact = child_artifact(merged, sources, operation, together.reports)
     written = destination.write(artifact)
     if plot is not None:
         draw_family(written.skill, artifact, sources, merged.part_weights.tolist(), plot)
-    return _report(written, sources, merged, together, certificate)
+    report = _report(written, sources, merged, together, certificate)
+    return replace(report, reasons=reasons or ("it was asked for",))
 
 
 def _merge_for_task(
@@ -192,6 +211,7 @@ def _merge_for_task(
     options: MergeOptions,
     task: TaskOptions,
     refit: bool,
+    force: bool,
     plot: Path | None,
     progress: Progress | None,
 ) -> MergeReport:
@@ -206,10 +226,17 @@ def _merge_for_task(
         )
     if task.from_store:
         found = candidates_from_store(destination, shown, lock)
-        sources, candidates, notes = list(found.helpful), found.considered, found.notes
+        sources, candidates, notes = list(found.helpful), found.digests, found.notes
     else:
         sources, notes = open_parts(skills, destination.store, lock), ()
-        candidates = len(sources)
+        candidates = tuple(source.artifact.digest for source in sources)
+    operation = _fit_operation(options, task, refit, candidates)
+    current = destination.current()
+    reasons = reasons_to_make(
+        current[0] if current else None, operation, task.demonstrations, destination.note, None
+    )
+    if current is not None and not reasons and not force:
+        return _kept(current, sources, plot)
     require_same_space(sources, shown)
     plain = MergeOptions(target=options.target)
     plain.merge([source.skill for source in sources], np.eye(sources[0].skill.dimension))
@@ -218,15 +245,17 @@ def _merge_for_task(
     certificate = certify(fitted.skill)
     require_stable(certificate)
     used = [sources[index] for index in fitted.used]
-    operation = _fitted_operation(options, task, refit, fitted, together)
+    operation = operation.model_copy(update={"results": _results(fitted, together)})
     reports = _reports_of_used(fitted, used, together)
     inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
     artifact = child_artifact(fitted.skill, used, operation, reports, inputs)
     written = destination.write(artifact)
     if plot is not None:
         draw_family(written.skill, artifact, used, fitted.skill.part_weights.tolist(), plot)
-    report = TaskReport(fitted.choice, fitted.pull, len(shown), candidates, fitted.errors, fitted.held_out)
-    return _report(
+    report = TaskReport(
+        fitted.choice, fitted.pull, len(shown), len(candidates), fitted.errors, fitted.held_out
+    )
+    made = _report(
         written,
         used,
         fitted.skill,
@@ -235,6 +264,23 @@ def _merge_for_task(
         report,
         (*read.notes, *notes, *_left_out(sources, fitted)),
     )
+    return replace(made, reasons=reasons or ("it was asked for",))
+
+
+def _kept(current: tuple[Artifact, Written], sources: Sequence[Source], plot: Path | None) -> MergeReport:
+    """Return the report on a skill that is there already, made of some of these parents."""
+    artifact, written = current
+    merged = artifact.skill
+    assert isinstance(merged, MergedSkill)  # its operation says so
+    by_digest = {source.artifact.digest: source for source in sources}
+    used = [by_digest[record.digest] for record in artifact.provenance.parents]
+    if plot is not None:
+        draw_family(written.skill, artifact, used, merged.part_weights.tolist(), plot)
+    certificate = certify(merged)
+    origin: Any = artifact.operation.results["lyapunov"]
+    rate = certificate.rate or 0.0
+    together = Together(merged.parts, merged.lyapunov, origin, rate, (), artifact.reports)
+    return replace(_report(written, used, merged, together, certificate), status="up to date")
 
 
 def _require_free_weights(options: MergeOptions) -> None:
@@ -284,22 +330,28 @@ def _reports_of_used(
     return reports
 
 
-def _fitted_operation(
-    options: MergeOptions, task: TaskOptions, refit: bool, fitted: FittedMerger, together: Together
-) -> Operation:
+def _results(fitted: FittedMerger, together: Together) -> dict[str, Any]:
     results = together.results
     results["choice"], results["pull"] = fitted.choice, fitted.pull
     for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
         if errors is not None:
             results[name] = (errors.best_single, errors.equal, errors.fitted)
+    return results
+
+
+def _fit_operation(
+    options: MergeOptions, task: TaskOptions, refit: bool, candidates: Sequence[str]
+) -> Operation:
+    """Return what decides the result; what came of it is not known yet."""
     chosen = {
         "target": options.target,
         "refit": refit,
         "fit_level": task.level,
         "from_store": task.from_store,
+        CANDIDATES: candidates_digest(candidates),
     }
     reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
-    return Operation(command="merge", options={**reading, **chosen}, results=results)
+    return Operation(command="merge", options={**reading, **chosen})
 
 
 def _report(
