@@ -31,13 +31,18 @@ def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scena
     """
     if scenario.sampling != Sampling():
         return scenario
-    chosen: dict[str, object] = {}
-    if scenario.cup is not None and scenario.scene is not None:
-        if "position" not in scenario.cup.model_fields_set:
-            chosen["cup_x_range"], chosen["cup_y_range"] = _places(scenario.scene)
+    places: tuple[Range | None, Range | None] = (None, None)
+    if _is_free(scenario.cup) and scenario.scene is not None:
+        places = _places(scenario.scene)
+    scatter = None
     if scenario.start is None and len(starts):
-        chosen["start_scatter"] = float(f"{min(START_SCATTER, START_SHARE * reach):.1g}")
-    return scenario.changed(sampling=Sampling(**chosen))
+        scatter = float(f"{min(START_SCATTER, START_SHARE * reach):.1g}")
+    sampling = Sampling(cup_x_range=places[0], cup_y_range=places[1], start_scatter=scatter)
+    return scenario.changed(sampling=sampling)
+
+
+def _is_free(cup: Cup | None) -> bool:
+    return cup is not None and "position" not in cup.model_fields_set
 
 
 def _places(scene: Shelf | Table) -> tuple[Range, Range]:

@@ -59,7 +59,10 @@ class Scenery:
         points = np.vstack(
             [series.hand, episode.plan.positions, series.targets, self._stage.corners, *extents]
         )
-        self._camera = Camera(points, self._direction(), *(round(sharpness * length) for length in size))
+        towards = view_direction(episode.placement.plane, episode.base_yaw)
+        if episode.scenario.scene is not None:
+            towards = np.array(SCENE_DIRECTION)
+        self._camera = Camera(points, towards, *(round(sharpness * length) for length in size))
 
     def __enter__(self) -> Scenery:
         return self
@@ -81,24 +84,23 @@ class Scenery:
         overlay.disc(series.hand[row], TRAIL, radius=4.0)
         return composed(view, self._stage.floor, overlay, self._size)
 
-    def _around(self, motion: FloatArray) -> FloatArray:
-        """Return the corners of the scene, drawn in to the neighbourhood of the motion (n, 3)."""
-        return np.clip(
-            self._stage.corners, motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD
-        )
-
     def _pose(self, row: int) -> None:
         series = self._episode.series
         self._stage.pose(series.joints[row], series.fingers[row])
         if self._cup is not None:
             self._stage.place(self._cup, series.cups[row])
 
-    def _direction(self) -> FloatArray:
-        if self._episode.scenario.scene is not None:
-            return np.array(SCENE_DIRECTION)
-        x, y, z = DIRECTIONS[self._episode.placement.plane]
-        cosine, sine = math.cos(self._episode.base_yaw), math.sin(self._episode.base_yaw)
-        return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+
+def view_direction(plane: Plane | None, base_yaw: float) -> FloatArray:
+    """Return the direction (3,) from a motion to a camera that sees it well, where there is no scene."""
+    x, y, z = DIRECTIONS[plane]
+    cosine, sine = math.cos(base_yaw), math.sin(base_yaw)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+
+
+def near(corners: FloatArray, motion: FloatArray) -> FloatArray:
+    """Return the corners (n, 3) of a scene, drawn in to the neighbourhood of a motion (m, 3)."""
+    return np.clip(corners, motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD)
 
 
 def composed(view: View, floor: int, overlay: Overlay, size: tuple[int, int]) -> Image.Image:

@@ -68,6 +68,15 @@ class Overlay:
             r = SUPERSAMPLING * size
             self._draw.ellipse((x - r, y - r, x + r, y + r), outline=tint, width=round(SUPERSAMPLING * width))
 
+    def cross(self, point: FloatArray, colour: Colour, radius: float) -> None:
+        """Draw a diagonal cross at a point (3,); never faint."""
+        x, y = self._pixels(point[None])[0].tolist()
+        r = SUPERSAMPLING * radius
+        for tint, width in ((WHITE, 5.0), (colour, 2.4)):
+            for slope in (-1, 1):
+                ends = (x - r, y - slope * r, x + r, y + slope * r)
+                self._draw.line(ends, fill=tint, width=round(SUPERSAMPLING * width))
+
     def _pixels(self, points: FloatArray) -> FloatArray:
         return self._camera.project(points)[0] * self._layer.size
 

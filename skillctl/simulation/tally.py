@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import fields
 from statistics import NormalDist
 
+import numpy as np
+
+from skillctl.simulation.batch import BATCH_OUTCOMES, BatchOutcome, Row
+from skillctl.simulation.episode import SUCCESSES, Metrics
+
 CONFIDENCE = 0.95
+CUP_COLUMNS = ("cup_x", "cup_y", "cup_radius", "cup_mass", "cup_friction")
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -31,3 +42,58 @@ def wilson_interval(successes: int, trials: int, confidence: float = CONFIDENCE)
     low, high = (middle - half) / (1 + weight), (middle + half) / (1 + weight)
     # At the ends one limit is exactly 0 or 1; rounding must not put it a digit beside.
     return (low if successes else 0.0), (high if successes < trials else 1.0)
+
+
+def failures(rows: Sequence[Row]) -> dict[BatchOutcome, int]:
+    """Return how many episodes failed in which way, in the order of ``BATCH_OUTCOMES``; no zeros."""
+    counts = Counter(row.outcome for row in rows)
+    return {kind: counts[kind] for kind in BATCH_OUTCOMES if counts[kind] and kind not in SUCCESSES}
+
+
+def medians(rows: Sequence[Row]) -> dict[str, float]:
+    """Return the median of each figure over the episodes that have it; NaN if none has."""
+    measured = [row.metrics for row in rows if row.metrics is not None]
+    found: dict[str, float] = {}
+    for field in fields(Metrics):
+        if field.name == "contacts":  # words
+            continue
+        values = np.array([getattr(metrics, field.name) for metrics in measured], dtype=np.float64)
+        values = values[~np.isnan(values)]
+        found[field.name] = float(np.median(values)) if len(values) else math.nan
+    return found
+
+
+def encode_rows(rows: Sequence[Row]) -> bytes:
+    """Return episodes as a CSV file. Equal batches give equal bytes; every number reads back exactly.
+
+    Columns: ``episode``, from 0; ``outcome``; ``success``, 0 or 1; ``seed``; ``start`` and ``target`` as
+    they were given, in the skill's own coordinates; ``cup_x cup_y cup_radius cup_mass cup_friction``;
+    ``part``, the acting part of a combined skill, from 0; then the metrics of an episode under their
+    names, in SI units; ``detail``. What does not exist is empty; a cell may hold numbers separated by
+    spaces.
+    """
+    names = [field.name for field in fields(Metrics)]
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(
+        ["episode", "outcome", "success", "seed", "start", "target", *CUP_COLUMNS, "part", *names, "detail"]
+    )
+    for row in rows:
+        scenario, cup = row.scenario, row.scenario.cup
+        cells = [
+            *(row.index, row.outcome, int(row.success), scenario.seed, scenario.start, scenario.target),
+            *([None] * 5 if cup is None else (*cup.position, cup.radius, cup.mass, cup.friction)),
+            None if row.trace is None else row.trace.part,
+            *(None if row.metrics is None else getattr(row.metrics, name) for name in names),
+            row.detail,
+        ]
+        writer.writerow(map(_cell, cells))
+    return file.getvalue().encode()
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, float) and math.isnan(value):
+        return None
+    if isinstance(value, tuple):
+        return ("; " if any(isinstance(item, str) for item in value) else " ").join(map(str, value))
+    return value

@@ -1,0 +1,135 @@
+"""Many episodes of one scenario: each drawn, run in a process of its own, and summed up in a row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, TypeAlias
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import GoalNotReachedError
+from skillctl.model.skill import Skill
+from skillctl.simulation.arm import ArmModel
+from skillctl.simulation.draws import drawn
+from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Plane, Scenario
+from skillctl.simulation.workers import WorkerDied, run_in_processes
+
+PATH_SPACING = 4e-3  # [m]: as fine as an overview can show
+
+BatchOutcome: TypeAlias = Outcome | Literal["crashed"]
+BATCH_OUTCOMES: tuple[BatchOutcome, ...] = (*OUTCOMES, "crashed")
+
+Progress = Callable[[int, int, int], None]  # episodes done, in all, and successes among them
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trace:
+    """What an overview shows of an episode.
+
+    Attributes:
+        arm, base_yaw, plane: The arm, how far its base is turned [rad], and the plane of a 2-D skill.
+        joints, fingers: Where it began, shapes (n,) and (m,).
+        path: Where the hand was, shape (k, 3), [m].
+        cup: Where the cup stood at first, (7,); NaN without a cup.
+        target: Where the motion went, shape (3,), [m].
+        part: Part of a combined skill that acted at the start.
+    """
+
+    arm: ArmModel
+    base_yaw: float
+    plane: Plane | None
+    joints: FloatArray
+    fingers: FloatArray
+    path: FloatArray
+    cup: FloatArray
+    target: FloatArray
+    part: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Row:
+    """One episode of a batch.
+
+    Attributes:
+        index: Its number, from 0.
+        scenario: What was drawn; run by itself it gives the same episode again.
+        outcome: As of an episode, or ``crashed``: its process died, or was killed.
+        detail: For a failure, what happened.
+        metrics, trace: None if the episode could not begin, or crashed.
+    """
+
+    index: int
+    scenario: Scenario
+    outcome: BatchOutcome
+    detail: str
+    metrics: Metrics | None
+    trace: Trace | None
+
+    @property
+    def success(self) -> bool:
+        """Whether the target was reached, or the cup grasped."""
+        return self.outcome in SUCCESSES
+
+
+def run_batch(
+    skill: Skill, scenario: Scenario, starts: FloatArray, *, jobs: int = 1, progress: Progress | None = None
+) -> tuple[Row, ...]:
+    """Return the episodes of a scenario in their order. Neither it nor ``jobs`` changes any of them.
+
+    Args:
+        skill: What is run.
+        scenario: How often, and what is drawn (see ``drawn``).
+        starts: Where the demonstrations of the skill start, shape (n, d).
+        jobs: Number of processes. They are always others than this one, and start by importing the program
+            that runs: a script that calls this needs ``if __name__ == "__main__":``.
+        progress: Called before the first and after every episode.
+
+    Raises:
+        NotFoundError, UsageError: As of one episode: they hold for all.
+    """
+    count = scenario.episodes
+    rows: dict[int, Row] = {}
+    if progress is not None:
+        progress(0, count, 0)
+    episodes = run_in_processes(partial(run_row, skill, scenario, starts), list(range(count)), jobs)
+    for index, row in episodes:
+        if isinstance(row, WorkerDied):
+            rows[index] = Row(
+                index, drawn(scenario, index, starts), "crashed", "its process died", None, None
+            )
+        else:
+            rows[index] = row
+        if progress is not None:
+            progress(len(rows), count, sum(row.success for row in rows.values()))
+    return tuple(rows[index] for index in range(count))
+
+
+def run_row(skill: Skill, scenario: Scenario, starts: FloatArray, index: int) -> Row:
+    """Return one episode of a batch."""
+    chosen = drawn(scenario, index, starts)
+    try:
+        episode = simulate(skill, chosen)
+    except RefusedError as refusal:
+        return Row(index, chosen, refusal.outcome, str(refusal), None, None)
+    except GoalNotReachedError as refusal:
+        return Row(index, chosen, "unreachable", str(refusal), None, None)
+    return Row(index, chosen, episode.outcome, episode.detail, episode.metrics, _trace(episode))
+
+
+def _trace(episode: Episode) -> Trace:
+    series = episode.series
+    approach = series.phases == 0
+    return Trace(
+        arm=episode.arm,
+        base_yaw=episode.base_yaw,
+        plane=episode.placement.plane,
+        joints=series.joints[0],
+        fingers=series.fingers[0],
+        path=thinned(series.hand[approach], PATH_SPACING),
+        cup=series.cups[0],
+        target=episode.target,
+        part=int(series.parts[0]),
+    )

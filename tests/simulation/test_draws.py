@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pydantic")
+
+from skillctl.errors import UsageError
+from skillctl.simulation import Cup, Scenario, Shelf
+from skillctl.simulation.draws import drawn, with_defaults
+from skillctl.simulation.scenario import Sampling
+
+STARTS = np.array([[0.4, -0.2, 0.5], [0.4, 0.3, 0.6]])
+NONE = np.zeros((0, 3))
+MANY = 400
+
+
+def shelf(**sampling: object) -> Scenario:
+    return Scenario(scene=Shelf(), target="cup", seed=5, sampling=Sampling(**sampling))
+
+
+def test_ranges_are_filled_evenly() -> None:
+    scenario = shelf(cup_x_range=(0.55, 0.65), cup_y_range=(-0.4, 0.4), mass_range=(0.1, 0.5))
+    cups = [drawn(scenario, i, NONE).cup for i in range(MANY)]
+    assert None not in cups
+    for values, low, high in (
+        ([cup.position[0] for cup in cups], 0.55, 0.65),  # type: ignore[union-attr]
+        ([cup.position[1] for cup in cups], -0.4, 0.4),  # type: ignore[union-attr]
+        ([cup.mass for cup in cups], 0.1, 0.5),  # type: ignore[union-attr]
+    ):
+        assert low <= min(values) < max(values) <= high
+        # A uniform mean has the standard deviation (high − low)/√(12 n); five of them are not exceeded.
+        assert np.mean(values) == pytest.approx((low + high) / 2, abs=5 * (high - low) / np.sqrt(12 * MANY))
+    # Independent of each other: the correlation of n pairs has the standard deviation 1/√n.
+    places = np.array([cup.position for cup in cups])  # type: ignore[union-attr]
+    assert abs(np.corrcoef(places.T)[0, 1]) < 5 / np.sqrt(MANY)
+
+
+def test_what_is_drawn_for_one_thing_does_not_depend_on_what_else_is_drawn() -> None:
+    plain = drawn(shelf(cup_y_range=(-0.4, 0.4)), 7, STARTS)
+    more = drawn(shelf(cup_y_range=(-0.4, 0.4), start_scatter=0.02, friction_range=(0.2, 0.6)), 7, STARTS)
+    assert plain.cup is not None
+    assert more.cup is not None
+    assert plain.cup.position == more.cup.position
+    assert plain.seed == more.seed
+    assert plain.cup.friction != more.cup.friction
+
+
+def test_episodes_and_seeds_differ() -> None:
+    scenario = shelf(cup_y_range=(-0.4, 0.4), start_scatter=0.02)
+    drawn_ones = [drawn(scenario.changed(seed=seed), i, STARTS) for seed in (0, 1) for i in range(20)]
+    assert len({one.start for one in drawn_ones}) == 40
+    assert len({one.cup.position for one in drawn_ones if one.cup}) == 40
+    assert len({one.seed for one in drawn_ones}) == 40
+
+
+def test_nothing_is_left_to_draw() -> None:
+    one = drawn(shelf(cup_y_range=(-0.4, 0.4)), 3, NONE)
+    assert (one.sampling, one.episodes) == (Sampling(), 1)
+
+
+def test_starts_lie_around_those_of_the_demonstrations() -> None:
+    scenario = shelf(start_scatter=0.02)
+    starts = np.array([drawn(scenario, i, STARTS).start for i in range(MANY)])
+    first = starts[:, 1] < 0.05
+    # Either demonstration with probability ½: the share has the standard deviation 1/(2 √n).
+    assert first.mean() == pytest.approx(0.5, abs=5 / (2 * np.sqrt(MANY)))
+    for chosen, start in ((first, STARTS[0]), (~first, STARTS[1])):
+        # Five standard deviations of a mean and of a standard deviation.
+        n = chosen.sum()
+        np.testing.assert_allclose(starts[chosen].mean(axis=0), start, atol=5 * 0.02 / np.sqrt(n))
+        np.testing.assert_allclose(starts[chosen].std(axis=0), 0.02, atol=5 * 0.02 / np.sqrt(2 * n))
+
+
+def test_a_box_of_starts_is_filled() -> None:
+    box = shelf(start_x_range=(0.36, 0.44), start_y_range=(-0.2, 0.2), start_z_range=(0.48, 0.6))
+    starts = np.array([drawn(box, i, NONE).start for i in range(50)])
+    assert (starts.min(axis=0) >= [0.36, -0.2, 0.48]).all()
+    assert (starts.max(axis=0) <= [0.44, 0.2, 0.6]).all()
+    assert (np.ptp(starts, axis=0) > [0.06, 0.3, 0.09]).all()
+
+
+def test_scatter_needs_demonstrations() -> None:
+    with pytest.raises(UsageError, match="carries no demonstrations") as refusal:
+        drawn(shelf(start_scatter=0.01), 0, NONE)
+    assert "start_x_range" in refusal.value.hint
+
+
+def test_what_is_not_given_is_drawn_by_default() -> None:
+    chosen = with_defaults(Scenario(scene=Shelf(), target="cup"), STARTS, 0.4).sampling
+    assert (chosen.cup_x_range, chosen.cup_y_range) == ((0.55, 0.68), (-0.42, 0.42))
+    assert chosen.start_scatter == 0.02
+
+
+def test_what_is_given_is_not_drawn() -> None:
+    fixed = Scenario(scene=Shelf(), target="cup", cup=Cup(position=(0.6, 0.0)), start=(0.4, 0.0, 0.6))
+    assert with_defaults(fixed, STARTS, 0.4) == fixed
+    own = shelf(mass_range=(0.1, 0.2))
+    assert with_defaults(own, STARTS, 0.4) == own
+
+
+def test_a_small_motion_is_scattered_less() -> None:
+    assert with_defaults(Scenario(), STARTS, 0.05).sampling.start_scatter == 0.005
