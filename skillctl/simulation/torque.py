@@ -13,9 +13,10 @@ DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks 
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
 COMMANDED_SHARE = 0.95  # of the largest joint velocity
-# Added to J Jᵀ: a stretched arm is asked for no infinite velocity, and its posture helps it out. With 1e-5
-# an xArm6 pushed outwards by 80 N stays folded over; with 1e-4 the posture moves a resting hand by 0.3 mm.
-SINGULARITY = 1e-4
+# Of J Jᵀ: below this an arm counts as stretched; it is asked for no infinite velocity, and its posture helps it
+# out. With a third of it an xArm6 pushed by 80 N stays folded over; with three times as much the posture moves a
+# resting hand by some mm.
+SINGULARITY = 3e-4
 
 
 class TorqueArm(LiveArm):
@@ -70,8 +71,9 @@ class TorqueArm(LiveArm):
         jacobian = self._jacobian()
         asked = np.zeros(self._rows)
         asked[:3] = velocity
-        square = jacobian @ jacobian.T + SINGULARITY * np.eye(self._rows)
-        inverse = np.linalg.solve(square, jacobian).T  # of J, damped
+        square = jacobian @ jacobian.T
+        regular = square @ square + SINGULARITY**2 * np.eye(self._rows)
+        inverse = np.linalg.solve(regular, square @ jacobian).T  # of J, damped where it is nearly singular
         fastest = float((np.abs(inverse @ asked) / self.body.model.max_velocity).max())
         share = min(1.0, COMMANDED_SHARE / fastest) if fastest > 0 else 1.0
         wrench = self._damping * share * asked
