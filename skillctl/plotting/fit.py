@@ -11,14 +11,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from skillctl.arrays import FloatArray
 from skillctl.model import Demonstration
 from skillctl.plotting.panels import Draw, course, draw_paths, frame, latest_of
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
 from skillctl.plotting.skill import WIDTH, scale_of
-from skillctl.plotting.style import DEMONSTRATED, HELD, MOVED, drawing, entries, legend, named, tidy
+from skillctl.plotting.style import DEMONSTRATED, HELD, MOVED, drawing, entries, legend, named, tidy, told
 
 MOST_PROFILES = 12  # panels of speed; paths are drawn of all
 ACROSS = 4
+HEADROOM = 2.5  # of the fastest demonstration; faster motions are told in numbers, not to flatten all others
 
 
 def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Sequence[Motion] = ()) -> Figure:
@@ -46,14 +48,15 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
             _draw_left_out(axes, left_out, draws.index(draw), dimension, scale)
         for axes in list(paths.flat)[len(draws) :]:
             axes.remove()
+        top = HEADROOM * scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
         profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
         for index, (axes, demonstration) in enumerate(zip(profiles.flat, shown, strict=False)):
             held = left_out[index] if left_out else None
-            _draw_profile(axes, demonstration, portrait.motions[index], held, scale)
+            _draw_profile(axes, demonstration, portrait.motions[index], held, scale, top)
             axes.set_title(
                 f"{named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
             )
-        _label_outer(profiles, len(shown), scale, latest_of(portrait))
+        _label_outer(profiles, len(shown), scale, latest_of(portrait), top)
         count = len(portrait.demonstrations)
         some = f", speeds of the first {len(shown)} of {count}" if count > len(shown) else ""
         figure.suptitle(f"{named(portrait.name)}: demonstrations and motions from their starts{some}")
@@ -113,19 +116,35 @@ def _draw_left_out(axes: Axes, left_out: Sequence[Motion], panel: int, dimension
 
 
 def _draw_profile(
-    axes: Axes, demonstration: Demonstration, motion: Motion, held: Motion | None, scale: Scale
+    axes: Axes, demonstration: Demonstration, motion: Motion, held: Motion | None, scale: Scale, top: float
 ) -> None:
     """Draw speeds over time; the skill has no clock, so only shape and size are to be compared."""
-    times = demonstration.times - demonstration.times[0]
-    speeds = np.linalg.norm(demonstration.velocities, axis=1)
-    # The last sample closes the gap that trimming left before the point of rest; it has no speed of its own.
-    axes.plot(times[:-1], scale.factor * speeds[:-1], **DEMONSTRATED)
-    axes.plot(motion.times, scale.factor * motion.speeds, **MOVED)
-    if held is not None:
-        axes.plot(held.times, scale.factor * held.speeds, **HELD)
+    speeds = _speeds(demonstration)
+    times = demonstration.times[: len(speeds)] - demonstration.times[0]
+    axes.plot(times, scale.factor * speeds, **DEMONSTRATED)
+    drawn = [(motion, MOVED)] if held is None else [(motion, MOVED), (held, HELD)]
+    for row, (each, line) in enumerate(drawn):
+        axes.plot(each.times, scale.factor * each.speeds, **line)
+        peak = scale.factor * float(each.speeds.max())
+        if peak > top:
+            told_peak = f"peak {told(peak)} {scale.unit}/s"
+            place = (0.98, 0.97 - 0.15 * row)
+            axes.annotate(told_peak, place, xycoords="axes fraction", ha="right", va="top", fontsize=7,
+                          color=line["color"])  # fmt: skip
 
 
-def _label_outer(profiles: Any, count: int, scale: Scale, latest: float) -> None:
+def _speeds(demonstration: Demonstration) -> FloatArray:
+    """Return the speeds along a demonstration, per second; shape (T − 2,).
+
+    Its last sample closes the gap that trimming left before the point of rest, which is no motion that was
+    shown: neither it nor the difference across it has a speed.
+    """
+    return np.asarray(
+        np.linalg.norm(demonstration.velocities[: max(len(demonstration.times) - 2, 1)], axis=1)
+    )
+
+
+def _label_outer(profiles: Any, count: int, scale: Scale, latest: float, top: float) -> None:
     axes = list(profiles.flat)
     for unused in axes[count:]:
         unused.remove()
@@ -137,7 +156,7 @@ def _label_outer(profiles: Any, count: int, scale: Scale, latest: float) -> None
             axes[index].set_ylabel(f"speed [{scale.unit}/s]")
     tidy(axes[:count])
     axes[0].set_xlim(0, latest)
-    axes[0].set_ylim(bottom=0)
+    axes[0].set_ylim(0, min(top, axes[0].get_ylim()[1]))
 
 
 def _explained(left_out: bool, dimension: int) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from skillctl.model.skill import MergedSkill, SedsSkill, attractors_of, density_
 STEPS = 1000  # of a motion as long as the longest demonstration
 PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands
 MOST_STEPS = 20_000  # bounds the cost to a second or two
-LOST = 20.0  # a motion this many boxes away has left the picture
+LOST = 1.5  # a motion this many boxes away from the middle has left the picture
 MARGIN = 0.1  # of the box around everything, left free on each side
 SLIMMEST = 0.55  # shortest side of the box, as a share of the longest
 POINTS = 300  # drawn of one motion; more cannot be seen

@@ -24,6 +24,7 @@ from skillctl.plotting.skill import WIDTH, scale_of
 from skillctl.plotting.style import (
     FAINT,
     GOAL,
+    GROWING,
     INK,
     LOST,
     LOWEST,
@@ -43,6 +44,7 @@ FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middl
 # Of the rates: the same for every kind of eye; without the darkest fifth, so that black lines can be seen.
 COLOURS = ListedColormap(matplotlib.colormaps["cividis"](np.linspace(0.2, 1.0, 256)))
 RATE = "decay rate −V̇ / 2V [1/s]"
+LARGEST_SHARE = 1e2  # above it they are lost
 RANGE = 1e4  # from the largest decay rate shown in its own colour down to the smallest
 SMALLEST_SHARE = 1e-4  # of the distance at the start; below it motions have arrived
 
@@ -154,7 +156,7 @@ def _draw_rates(
     """Draw rates on a grid (y, x); what is not positive in a colour of its own, with a line around it."""
     i, j = pair
     low, high = scale.factor * portrait.low, scale.factor * portrait.high
-    colours = COLOURS.with_extremes(under=WITNESS, bad="white")
+    colours = COLOURS.with_extremes(under=GROWING, bad="white")
     extent = (low[i], high[i], low[j], high[j])
     frame(axes, portrait, pair, scale)
     image = axes.imshow(
@@ -203,7 +205,8 @@ def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion |
         axes.plot(times, np.exp(-bounds.rate * times), **PROVED)
     axes.set(xlabel="time [s]", ylabel="√V, as a share of that at the start", yscale="log")
     axes.set_xlim(0, latest)
-    axes.set_ylim(bottom=max(axes.get_ylim()[0], SMALLEST_SHARE), top=max(axes.get_ylim()[1], 1.5))
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, SMALLEST_SHARE), min(max(high, 1.5), LARGEST_SHARE))
     logarithmic(axes.yaxis)
     axes.grid(True, color="#DDDDDD", lw=0.5)
     tidy([axes])

@@ -79,7 +79,7 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
     with drawing():
         scale = scale_of(boxed)
         size = max(PANEL * across, 4.5), sum(heights) + 1.1
-        figure = Figure(size, layout="constrained")
+        figure = Figure(size, layout="compressed")
         grid = figure.subplots(len(heights), across, squeeze=False, height_ratios=heights)
         for index, (portrait, (_, role)) in enumerate(zip(boxed, members, strict=True)):
             column = grid[:, index] if len(draws) > 1 else [grid.flat[index]]

@@ -24,6 +24,7 @@ Line: TypeAlias = "dict[str, Any]"  # how a line looks, as Matplotlib's keywords
 # Okabe and Ito's colours, which colour-blind readers tell apart. Demonstrations and motions differ in
 # lightness and dash as well, for paper without colours.
 DEMONSTRATION, MOTION, LEFT_OUT, WITNESS = "#D55E00", "#0072B2", "#8E4B7B", "#D55E00"
+GROWING = "#F4B79B"  # where V grows
 FLOW, QUIET, INK, DENSITY = "#B4B4B4", "#8C8C8C", "#1A1A1A", "#00785A"
 PARTS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#777777")
 

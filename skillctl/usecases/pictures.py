@@ -151,7 +151,8 @@ def kind_of(skill: Skill) -> str:
 def bounds_of(certificate: Certificate) -> Bounds:
     """Return what a figure shows of a certificate."""
     everywhere = certificate.scope == "global"
-    told = certificate.verdict if everywhere else f"{certificate.verdict} ({certificate.scope} proof)"
+    local = certificate.scope == "local"
+    told = f"{certificate.verdict} (local proof)" if local else certificate.verdict
     if everywhere and certificate.rate is not None:
         told = f"{told}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
