@@ -17,6 +17,7 @@ from skillctl.simulation.disturbances import Perception, Schedule, last_end
 from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
 from skillctl.simulation.episode import Episode, RefusedError, measure
 from skillctl.simulation.grasp import Grasping, Gripper
+from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
@@ -34,7 +35,9 @@ DISPLACED_STEP = 0.01  # [m]: joints for a displaced hand are followed there in 
 Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
 
-def simulate(skill: Skill, scenario: Scenario, *, progress: Progress | None = None) -> Episode:
+def simulate(
+    skill: Skill, scenario: Scenario, *, progress: Progress | None = None, gui: bool = False
+) -> Episode:
     """Return what happens when an arm moves its hand as the skill says, in simulation.
 
     Every control period the skill is asked for the velocity at the *measured* hand position. Under
@@ -47,21 +50,24 @@ def simulate(skill: Skill, scenario: Scenario, *, progress: Progress | None = No
         skill: Any skill over hand positions in two or three dimensions.
         scenario: Arm, placement, scene, start, target, limits, disturbances.
         progress: Called every tenth of a simulated second.
+        gui: Show it in a window, in real time.
 
     Raises:
-        NotFoundError: PyBullet is not installed.
+        NotFoundError: PyBullet is not installed, or no window can be opened.
         UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
         RefusedError: Start or target lies where the arm's hand cannot be, or in the scene.
     """
     began = time.perf_counter()
+    if gui:
+        require_window()
     with silenced(1):
         setup = prepare(skill, scenario)
         with (
             ArmBody(setup.model, setup.base_yaw, shapes="none") as twin,
-            ArmBody(setup.model, setup.base_yaw, shapes="collision") as body,
+            ArmBody(setup.model, setup.base_yaw, shapes="all" if gui else "collision", gui=gui) as body,
         ):
             run = _Run(setup, scenario, twin, body)
-            verdict = run.drive(progress)
+            verdict = run.drive(progress, Pace() if gui else None)
     series = run.recorder.series()
     return Episode(
         scenario=scenario,
@@ -110,7 +116,7 @@ class _Run:
         self.motion.move(seen_off - self.seen_off)
         self.seen_off = seen_off
 
-    def drive(self, progress: Progress | None) -> Verdict:
+    def drive(self, progress: Progress | None, pace: Pace | None) -> Verdict:
         """Let time pass until the episode is over, and return how it ended."""
         self._require_free_start()
         period, horizon = self.driver.period, self._horizon()
@@ -120,6 +126,8 @@ class _Run:
             verdict = self._disturbed(now) or self._step(now)
             if verdict is not None:
                 return verdict
+            if pace is not None:
+                pace.wait(now)
             if progress is not None and step % every == 0:
                 progress(now, horizon)
         distance = length(self.driver.state().hand - self.motion.target(self.driver.state().hand))
@@ -131,7 +139,7 @@ class _Run:
         """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
         hand = self.driver.state().hand
         contacts = self.scene.contacts()
-        velocity = self.grasping.velocity(now) if self.grasping else None
+        velocity = self.grasping.velocity(now, hand) if self.grasping else None
         by_skill = velocity is None
         if velocity is None:
             velocity = self.motion.velocity(self.perception.hand(hand))

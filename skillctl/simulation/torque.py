@@ -13,9 +13,9 @@ DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks 
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
 COMMANDED_SHARE = 0.95  # of the largest joint velocity
-# Of J Jᵀ: below this an arm counts as stretched; it is asked for no infinite velocity, and its posture helps it
-# out. With a third of it an xArm6 pushed by 80 N stays folded over; with three times as much the posture moves a
-# resting hand by some mm.
+# Of J Jᵀ. An arm below it counts as stretched: it is asked for no infinite velocity, and its posture helps
+# it out. With a third of it an xArm6 pushed by 80 N stays folded over; with three times as much the posture
+# moves a resting hand by some mm.
 SINGULARITY = 3e-4
 
 

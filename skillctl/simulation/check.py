@@ -1,0 +1,120 @@
+"""Can the arm do it? Start, path and target by inverse kinematics alone: nothing moves, nothing has mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillctl.model.skill import Skill
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
+from skillctl.simulation.bullet import silenced
+from skillctl.simulation.episode import RefusedError
+from skillctl.simulation.ik import HandPolicy, Kinematics
+from skillctl.simulation.prepare import Setup, prepare
+from skillctl.simulation.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Reachability:
+    """What the arm can reach of a motion. None where the arm does not get so far.
+
+    Attributes:
+        reachable: Whether start, path and target are.
+        reason: If not, in one sentence what is not.
+        arm, hand, base_yaw: The arm, how it holds its hand, how its base is turned [rad].
+        scale, origin: Where the skill was placed: workspace = origin [m] + scale · coordinates.
+        start, target: In the workspace, [m].
+        duration: Of the ideal motion, [s].
+        start_residual, target_residual: How far the hand misses them at best, [m].
+        path_residual: How far it misses the path where it is farthest from it, [m].
+        lost_at: Where the path cannot be followed any more, in the workspace, [m]; None if it can.
+        joint_margin: Smallest distance of a joint to its limit on the path, [rad].
+        tightest_joint: Which joint that is, from 1.
+        velocity_ratio: Largest joint velocity that the ideal motion asks for, over the limit. Above 1 the arm
+            slows the motion down, on the same path.
+    """
+
+    reachable: bool
+    reason: str
+    arm: str
+    hand: HandPolicy | None = None
+    base_yaw: float | None = None
+    scale: float | None = None
+    origin: tuple[float, ...] | None = None
+    start: tuple[float, ...] | None = None
+    target: tuple[float, ...] | None = None
+    duration: float | None = None
+    start_residual: float | None = None
+    target_residual: float | None = None
+    path_residual: float | None = None
+    lost_at: tuple[float, ...] | None = None
+    joint_margin: float | None = None
+    tightest_joint: int | None = None
+    velocity_ratio: float | None = None
+
+
+def check(skill: Skill, scenario: Scenario) -> Reachability:
+    """Return whether an arm can hold its hand where a skill wants it: at start and target, and on the way.
+
+    Placement, hand and base are chosen as ``simulate`` chooses them. Torques, scene contacts and disturbances
+    are not looked at: only ``simulate`` shows those.
+
+    Raises:
+        UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
+        NotFoundError: PyBullet is not installed.
+    """
+    with silenced(1):
+        try:
+            setup = prepare(skill, scenario)
+        except RefusedError as refusal:
+            return Reachability(False, str(refusal), scenario.arm)
+        with ArmBody(setup.model, setup.base_yaw, shapes="none") as body:
+            return _along(setup, Kinematics(body, setup.hand, setup.base_yaw), scenario)
+
+
+def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachability:
+    """Follow the plan, one control period after the other, as far as there are joints for it."""
+    plan, model = setup.plan, setup.model
+    joints = [setup.joints]
+    residuals = [float(np.linalg.norm(kinematics.forward(setup.joints) - plan.positions[0]))]
+    lost = None
+    for point in plan.positions[1:]:
+        solution = kinematics.follow(point, joints[-1])
+        residuals.append(solution.residual)
+        if not solution.accepted:
+            lost = tuple(point.tolist())
+            break
+        joints.append(solution.joints)
+    followed = np.stack(joints)
+    margins = np.minimum(followed - model.lower, model.upper - followed)
+    speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / model.max_velocity
+    return Reachability(
+        reachable=lost is None and plan.arrived,
+        reason=_reason(setup, lost),
+        arm=model.name,
+        hand=setup.hand,
+        base_yaw=setup.base_yaw,
+        scale=setup.placement.scale,
+        origin=tuple(setup.placement.origin.tolist()),
+        start=tuple(plan.positions[0].tolist()),
+        target=tuple(plan.target.tolist()),
+        duration=plan.duration,
+        start_residual=residuals[0],
+        target_residual=kinematics.search(plan.target, scenario.seed).residual,
+        path_residual=max(residuals),
+        lost_at=lost,
+        joint_margin=float(margins.min()),
+        tightest_joint=int(margins.min(axis=0).argmin()) + 1,
+        velocity_ratio=float(speeds.max(initial=0.0)),
+    )
+
+
+def _reason(setup: Setup, lost: tuple[float, ...] | None) -> str:
+    if lost is not None:
+        x, y, z = lost
+        return (
+            f"the path cannot be followed beyond ({x:.3f}, {y:.3f}, {z:.3f}) m: the arm would have to jump "
+            "to another posture, or has none."
+        )
+    return "" if setup.plan.arrived else "the skill itself does not reach its target within a minute."
