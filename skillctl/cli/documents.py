@@ -29,7 +29,10 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "combine": ("skillctl.usecases.combine:CombineReport",),
     "inspect": ("skillctl.usecases.inspect:InspectReport", "skillctl.usecases.history:LineageReport"),
     "verify-stability": ("skillctl.usecases.verify_stability:VerifyReport",),
-    "simulate": ("skillctl.usecases.simulate:SimulateReport",),
+    "simulate": (
+        "skillctl.usecases.simulate:SimulateReport",
+        "skillctl.usecases.simulate_many:SimulateManyReport",
+    ),
     "quickstart": ("skillctl.usecases.quickstart:QuickstartReport",),
     "ls": ("skillctl.usecases.ls:StoreReport",),
     "diff": ("skillctl.usecases.diff:DiffReport",),

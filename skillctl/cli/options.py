@@ -31,6 +31,7 @@ FitLevel: TypeAlias = Literal["part", "component"]
 Arm: TypeAlias = Literal["panda", "iiwa"]
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Hand: TypeAlias = Literal["horizontal", "down", "free"]
+ColourBy: TypeAlias = Literal["outcome", "part"]
 
 
 # Classes of their own, because Typer reads tuple[float, ...] as "takes two arguments".

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skillctl.cli import options, render, words
+from skillctl.cli import many, options, render, words
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
@@ -19,10 +19,13 @@ Example:
   skillctl simulate reach --picture reach.png
   skillctl simulate reach --start 0.42,0,0.55 --target 0.6,0.1,0.5 --log reach.csv
   skillctl simulate g-shape --plane yz --scale 5 --demo 0 --arm iiwa
+  skillctl simulate reach --episodes 50 --jobs 2 --table reach.csv --overview reach.png
+  skillctl simulate reach --episode 17 --video failure.gif
 
-Exit codes: 0 the hand reached the target; 1 it did not, or could not."""
+Exit codes: 0 the hand reached the target, in at least --min-success of the episodes; 1 it did not."""
 
 PLACING = "Placing the skill"
+BATCH = "Many episodes"
 
 
 def simulate(
@@ -89,6 +92,65 @@ def simulate(
         Path | None,
         typer.Option(metavar="F.png", help="Write a contact sheet.", rich_help_panel=options.RESULT),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.gif|F.mp4",
+            help="Write a film, in real time. (.mp4 needs: pip install 'skillctl[video]'.)",
+            rich_help_panel=options.RESULT,
+        ),
+    ] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Run so many episodes. Unless a scenario says what differs between them: the place of the "
+            "cup, and the start, which is a demonstration's, scattered.",
+            rich_help_panel=BATCH,
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(metavar="S", help="Of everything that is drawn. Default: 0.", rich_help_panel=BATCH),
+    ] = None,
+    episode: Annotated[
+        int | None,
+        typer.Option(
+            metavar="I",
+            help="Run only episode I, from 0, to look at it: it is the one of the batch.",
+            rich_help_panel=BATCH,
+        ),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "--jobs", "-j", metavar="J", help="Processes; changes no result.", rich_help_panel=BATCH
+        ),
+    ] = 1,
+    min_success: Annotated[
+        float,
+        typer.Option(
+            metavar="R",
+            help="Share of successes that is enough for exit code 0.",
+            rich_help_panel=BATCH,
+        ),
+    ] = 1.0,
+    table: Annotated[
+        Path | None,
+        typer.Option(metavar="F.csv", help="Write one row per episode.", rich_help_panel=BATCH),
+    ] = None,
+    overview: Annotated[
+        Path | None,
+        typer.Option(metavar="F.png", help="Write all episodes in one picture.", rich_help_panel=BATCH),
+    ] = None,
+    colour: Annotated[
+        options.ColourBy | None,
+        typer.Option(
+            help="Colour the overview by outcome, or by the part of a combined skill that acted. Default: "
+            "outcome, but part if the parts end at different places.",
+            rich_help_panel=BATCH,
+        ),
+    ] = None,
     store: options.Store = None,
     locked: options.Locked = False,
 ) -> None:
@@ -98,6 +160,7 @@ def simulate(
     """
     from skillctl.simulation import Scenario
     from skillctl.usecases.simulate import simulate as simulate_skill
+    from skillctl.usecases.simulate_many import simulate_many
 
     output: Output = context.obj
     chosen = Scenario(
@@ -110,14 +173,38 @@ def simulate(
         hand=hand,
         max_duration=max_duration,
     )
+    drawing = {name: value for name, value in (("episodes", episodes), ("seed", seed)) if value is not None}
+    chosen = chosen.changed(**drawing)
     lock = options.chosen_lock(locked)
+    if episode is None and (chosen.episodes > 1 or episodes is not None):
+        many.refuse_for_many(demo=demo, log=log, picture=picture, video=video)
+        with output.progress("simulating") as progress:
+            batch = simulate_many(
+                skill,
+                chosen,
+                jobs=jobs,
+                min_success=min_success,
+                table=table,
+                overview=overview,
+                colour_by=colour,
+                store=store,
+                lock=lock,
+                progress=progress,
+            )
+        for note in batch.notes:
+            output.note(f"note: {note}")
+        output.result(batch, lambda: many.blocks(batch))
+        raise typer.Exit(ExitCode.DONE if batch.enough else ExitCode.NEGATIVE)
+    many.refuse_for_one(table=table, overview=overview)
     with output.progress("simulating") as progress:
         report = simulate_skill(
             skill,
             chosen,
             demo=demo,
+            episode=episode,
             log=log,
             picture=picture,
+            video=video,
             store=store,
             lock=lock,
             progress=progress,
@@ -156,5 +243,6 @@ def blocks(report: SimulateReport) -> list[render.Block]:
         ),
         ("simulated", f"{figures.simulated_time:.2f} s in {report.wall_seconds:.2f} s"),
     ]
-    facts += [(name, str(path)) for name, path in (("log", report.log), ("picture", report.picture)) if path]
+    files = (("log", report.log), ("picture", report.picture), ("video", report.video))
+    facts += [(name, str(path)) for name, path in files if path]
     return [render.Facts(tuple(facts))]

@@ -1,8 +1,9 @@
-"""A skill on a simulated arm: one episode, its log and its picture."""
+"""A skill on a simulated arm: one episode, its log, its picture and its film."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from skillctl import simulation
@@ -13,6 +14,7 @@ from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
+from skillctl.usecases.drawing import demonstration_starts, episode_of
 from skillctl.usecases.files import Source, open_skill
 from skillctl.usecases.progress import Progress
 
@@ -30,7 +32,7 @@ class SimulateReport:
         target: Workspace position the motion went to, [m].
         metrics: The figures, in SI units.
         wall_seconds: What the simulation cost.
-        log, picture: Files written, if any.
+        log, picture, video: Files written, if any.
         notes: What the success or failure does not show.
     """
 
@@ -49,6 +51,7 @@ class SimulateReport:
     wall_seconds: float
     log: Path | None
     picture: Path | None
+    video: Path | None
     notes: tuple[str, ...]
 
 
@@ -57,8 +60,10 @@ def simulate(
     scenario: Scenario | None = None,
     *,
     demo: int | None = None,
+    episode: int | None = None,
     log: Path | None = None,
     picture: Path | None = None,
+    video: Path | None = None,
     store: Path | None = None,
     lock: Lock | None = None,
     progress: Progress | None = None,
@@ -70,14 +75,16 @@ def simulate(
         scenario: Arm, placement, start, target, limits.
         demo: Start where this embedded demonstration starts, counted from 0; if the target is moved, as far
             from it as the demonstration was.
+        episode: Run this one of the episodes that the scenario draws, counted from 0.
         log: Write the time series there, as CSV.
         picture: Write a contact sheet there, as PNG.
+        video: Write a film there, ``.gif`` or ``.mp4``.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         progress: Called with (stage, milliseconds done, milliseconds at most).
 
     Raises:
-        NotFoundError: No such skill, or PyBullet is not installed.
+        NotFoundError: No such skill, PyBullet is not installed, or PyAV for an ``.mp4``.
         UsageError: A start, target or placement that makes no sense for this skill.
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
@@ -85,8 +92,11 @@ def simulate(
     scenario = scenario or Scenario()
     if demo is not None:
         scenario = scenario.changed(start=_start_of(demo, source, scenario))
-    _require_directories(log, picture)
-    episode = simulation.simulate(
+    if episode is not None:
+        scenario = episode_of(source, scenario, episode)
+    require_directories(log, picture, video)
+    kind = None if video is None else _film_format(video)
+    result = simulation.simulate(
         source.skill,
         scenario,
         progress=None
@@ -94,17 +104,30 @@ def simulate(
         else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
     )
     if log is not None:
-        write_file(log, simulation.encode_log(episode))
+        write_file(log, simulation.encode_log(result))
     if picture is not None:
         from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
 
         if progress is not None:
             progress("drawing", 0, 1)
-        write_file(picture, encode_picture(episode, title=source.name))
-    return _report(source, episode, log, picture)
+        write_file(picture, encode_picture(result, title=source.name))
+    if video is not None and kind is not None:
+        from skillctl.simulation.video import encode_video
+
+        drawn = None if progress is None else partial(progress, "filming")
+        write_file(video, encode_video(result, kind, progress=drawn))
+    return _report(source, result, log, picture, video)
 
 
-def _report(source: Source, episode: Episode, log: Path | None, picture: Path | None) -> SimulateReport:
+def _film_format(video: Path) -> str:
+    from skillctl.simulation.video import film_format
+
+    return film_format(video.name)
+
+
+def _report(
+    source: Source, episode: Episode, log: Path | None, picture: Path | None, video: Path | None
+) -> SimulateReport:
     placement = episode.placement
     return SimulateReport(
         skill=source.name,
@@ -122,11 +145,13 @@ def _report(source: Source, episode: Episode, log: Path | None, picture: Path | 
         wall_seconds=episode.wall_seconds,
         log=log,
         picture=picture,
-        notes=_notes(source),
+        video=video,
+        notes=proof_notes(source),
     )
 
 
-def _notes(source: Source) -> tuple[str, ...]:
+def proof_notes(source: Source) -> tuple[str, ...]:
+    """Return what the proof of a skill asks for that a simulated controller does not give."""
     period = certify(source.skill, digest=source.artifact.digest).period
     if period is None or period >= CONTROL_PERIOD:
         return ()
@@ -140,12 +165,7 @@ def _start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...
     """Return where an embedded demonstration starts, moved as the target is."""
     if scenario.start is not None:
         raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
-    starts = [
-        motion.positions[0]
-        for taught in source.artifact.demonstrations
-        if taught is not None
-        for motion in taught
-    ]
+    starts = demonstration_starts(source)
     if not 0 <= demo < len(starts):
         raise UsageError(
             f"demonstration {demo} does not exist; {source.name} carries {len(starts)}, counted from 0.",
@@ -158,7 +178,8 @@ def _start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...
     return tuple(start.tolist())
 
 
-def _require_directories(*files: Path | None) -> None:
+def require_directories(*files: Path | None) -> None:
+    """Refuse files whose directory does not exist, before anything is run for them."""
     for file in files:
         if file is not None and not file.parent.is_dir():
             raise UsageError(

@@ -1,0 +1,104 @@
+"""``skillctl simulate --episodes``: its options' rules, and its report for people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skillctl.cli import render, words
+from skillctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from skillctl.usecases.simulate_many import SimulateManyReport
+
+SHOWN_FAILURES = 5
+MEDIANS = {  # figure → heading, unit
+    "final_error": ("final error", "m"),
+    "time_to_target": ("time to target", "s"),
+    "tracking_rmse": ("tracking error", "m"),
+    "plan_deviation": ("off the ideal path", "m"),
+    "path_ratio": ("path length / ideal", ""),
+    "clearance": ("clearance", "m"),
+    "joint_margin": ("joint margin", "rad"),
+    "velocity_ratio": ("joint speed / limit", ""),
+    "torque_ratio": ("joint torque / limit", ""),
+    "cup_moved": ("cup moved before the grasp", "m"),
+}
+
+
+def refuse_for_many(**given: object) -> None:
+    """Refuse options that are about one episode.
+
+    Raises:
+        UsageError: One of them was given.
+    """
+    for name, value in given.items():
+        if value is not None:
+            raise UsageError(
+                f"--{name} is about one episode; many were asked for.",
+                hint=f"Add --episode I to run one of them with --{name}, or see --table and --overview.",
+            )
+
+
+def refuse_for_one(**given: object) -> None:
+    """Refuse options that are about many episodes.
+
+    Raises:
+        UsageError: One of them was given.
+    """
+    for name, value in given.items():
+        if value is not None:
+            raise UsageError(
+                f"--{name} is about many episodes; one was asked for.", hint="Say how many: --episodes 50."
+            )
+
+
+def blocks(report: SimulateManyReport) -> list[render.Block]:
+    """Return the report for people."""
+    low, high = report.interval
+    facts = [
+        ("skill", report.skill),
+        ("arm", report.arm),
+        (
+            "successes",
+            f"{report.successes} of {report.episodes}: {report.success_rate:.0%} "
+            f"({report.confidence:.0%} interval {low:.1%} to {high:.1%})",
+        ),
+        ("enough", f"{words.yes_no(report.enough)}, {report.min_success:.0%} was asked for"),
+        ("simulated", f"{report.simulated_seconds:.0f} s in {report.wall_seconds:.0f} s, seed {report.seed}"),
+    ]
+    facts += [(name, str(path)) for name, path in _files(report) if path]
+    found: list[render.Block] = [render.Facts(tuple(facts))]
+    if report.failures:
+        found += _failures(report)
+    if report.parts:
+        parts = [(part.name, str(part.episodes), str(part.successes)) for part in report.parts]
+        found.append(render.Table(("part that acted", "episodes", "successes"), tuple(parts)))
+    medians = [
+        (heading, words.length(value, unit) if unit == "m" else words.number(value, unit))
+        for name, (heading, unit) in MEDIANS.items()
+        if (value := report.medians[name]) == value  # NaN: no episode has it
+    ]
+    found.append(render.Table(("figure", "median"), tuple(medians)))
+    return found
+
+
+def _files(report: SimulateManyReport) -> tuple[tuple[str, object], ...]:
+    return ("table", report.table), ("overview", report.overview)
+
+
+def _failures(report: SimulateManyReport) -> list[render.Block]:
+    rows = []
+    for kind, count in report.failures.items():
+        which = [str(failed.episode) for failed in report.failed if failed.outcome == kind]
+        rows.append((kind, str(count), _listed(which)))
+    said = [f"episode {failed.episode}: {failed.detail}" for failed in report.failed if failed.detail]
+    more = len(said) - SHOWN_FAILURES
+    sentences = said[:SHOWN_FAILURES] + ([f"and {more} more"] if more > 0 else [])
+    return [
+        render.Table(("failure", "episodes", "which"), tuple(rows)),
+        render.Lines("what happened", tuple(sentences)),
+    ]
+
+
+def _listed(which: list[str]) -> str:
+    return ", ".join(which[:8]) + (", …" if len(which) > 8 else "")
