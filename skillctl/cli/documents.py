@@ -40,6 +40,8 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "tag": ("skillctl.usecases.versions:TagReport",),
     "untag": ("skillctl.usecases.versions:TagReport",),
     "lock": ("skillctl.usecases.lock:LockReport",),
+    "sign": ("skillctl.usecases.sign:SignReport",),
+    "verify-signature": ("skillctl.usecases.sign:SignatureReport",),
     "rm": ("skillctl.usecases.versions:RemoveReport",),
     "gc": ("skillctl.usecases.versions:RemoveReport",),
     "export": ("skillctl.usecases.export:ExportReport",),

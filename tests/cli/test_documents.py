@@ -5,11 +5,15 @@ from __future__ import annotations
 import copy
 import importlib.util
 import json
+import shutil
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, PrivateFormat, PublicFormat
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
@@ -25,9 +29,11 @@ RUNS = [
     ("learn", "learn FILES -o HERE/a.h5 --preset fast --components 2 --validate", 0),
     ("learn", "learn FILES -o HERE/a.h5 --preset fast --components 2 --validate", 0),  # up to date
     ("merge", "merge curve hook -o HERE/m.h5 --store LIBRARY", 0),
+    ("merge", "merge curve hook -o HERE/m.h5 --store LIBRARY", 0),  # up to date
     ("merge", "merge curve hook -o HERE/f.h5 --store LIBRARY --fit FILES", 0),
     ("merge", "merge curve plain -o HERE/r.h5 --store LIBRARY", 0),
     ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),
+    ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),  # up to date
     ("combine", "combine curve hook -o HERE/i.h5 --store LIBRARY --gate instantaneous", 0),
     ("inspect", "inspect HERE/m.h5", 0),
     ("inspect", "inspect HERE/c.h5 --at 0.1,0", 0),
@@ -45,6 +51,10 @@ RUNS = [
     ("tag", "tag a release --store HERE/shop", 0),
     ("log", "log a --store HERE/shop", 0),
     ("lock", "lock a@release --store HERE/shop --file HERE/skillctl.lock", 0),
+    ("sign", "sign curve --key HERE/key.pem --store HERE/signed", 0),
+    ("verify-signature", "verify-signature curve --key HERE/public.pem --store HERE/signed", 0),
+    ("verify-signature", "verify-signature HERE/unstable.h5 --key HERE/public.pem", 1),
+    ("verify-stability", "verify-stability HERE/unstable.h5 --require-signature HERE/public.pem", 1),
     ("untag", "untag a release --store HERE/shop", 0),
     ("gc", "gc --keep-last 1 --store HERE/shop --dry-run", 0),
     ("rm", "rm a@1 --store HERE/shop", 0),
@@ -97,6 +107,14 @@ def documents(library, curve_files, tmp_path_factory):
     matrices = skill.system_matrices.copy()
     matrices[0] = np.eye(2)
     save(replace(skill, system_matrices=matrices), here / "unstable.h5")
+    shutil.copytree(library, here / "signed")
+    key = Ed25519PrivateKey.generate()
+    (here / "key.pem").write_bytes(
+        key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, serialization.NoEncryption())
+    )
+    (here / "public.pem").write_bytes(
+        key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    )
     printed = []
     for name, line, code in RUNS:
         if name in ("simulate", "quickstart") and not HAS_PYBULLET:
