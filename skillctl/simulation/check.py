@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skillctl.arrays import length
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
@@ -77,7 +78,10 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
     """Follow the plan, one control period after the other, as far as there are joints for it."""
     plan, model = setup.plan, setup.model
     joints = [setup.joints]
-    residuals = [float(np.linalg.norm(kinematics.forward(setup.joints) - plan.positions[0]))]
+    start = plan.positions[0]
+    if scenario.start is not None:
+        start = setup.placement.to_workspace(np.array(scenario.start))
+    residuals = [length(kinematics.forward(setup.joints) - start)]
     lost = None
     for point in plan.positions[1:]:
         solution = kinematics.follow(point, joints[-1])
@@ -97,7 +101,7 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
         base_yaw=setup.base_yaw,
         scale=setup.placement.scale,
         origin=tuple(setup.placement.origin.tolist()),
-        start=tuple(plan.positions[0].tolist()),
+        start=tuple(start.tolist()),
         target=tuple(plan.target.tolist()),
         duration=plan.duration,
         start_residual=residuals[0],
