@@ -14,10 +14,12 @@ from skillctl.cli.output import Output
 
 EXAMPLES = """\b
 Example:
-  openssl genpkey -algorithm ed25519 -out key.pem
-  openssl pkey -in key.pem -pubout -out public.pem
   skillctl sign reach@3 --key key.pem
-  skillctl verify-signature reach@3 --key public.pem"""
+  skillctl verify-signature reach@3 --key public.pem
+
+This makes a pair of keys; keep the first file to yourself:
+  openssl genpkey -algorithm ed25519 -out key.pem
+  openssl pkey -in key.pem -pubout -out public.pem"""
 
 
 def sign(

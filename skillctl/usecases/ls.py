@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
-from skillctl.store import Registry, locate_store, read_header, read_skill
+from skillctl.store import Registry, locate_store, read_header
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +106,8 @@ def _entry(path: Path, version: int, aliases: tuple[str, ...], check: bool) -> V
     try:
         header = read_header(path)
         if check:
+            from skillctl.store import read_skill  # late: a list reads first bytes only, without HDF5
+
             read_skill(path)
     except (ArtifactError, NotFoundError, StoreError) as error:
         return VersionEntry(version, aliases, verified=False if check else None, problem=str(error))
