@@ -17,6 +17,7 @@ Example:
   skillctl sign reach@3 --key key.pem
   skillctl verify-signature reach@3 --key public.pem
 
+\b
 This makes a pair of keys; keep the first file to yourself:
   openssl genpkey -algorithm ed25519 -out key.pem
   openssl pkey -in key.pem -pubout -out public.pem"""
