@@ -13,12 +13,9 @@ from skillctl.store import (
     Lock,
     Operation,
     ParentRecord,
-    current_provenance,
-    encode,
     label,
     locate,
     read_skill,
-    write_file,
 )
 
 
@@ -93,6 +90,8 @@ def save(skill: Skill, path: str | Path) -> Path:
     Raises:
         StoreError: The file cannot be written.
     """
+    from skillctl.store import current_provenance, encode, write_file  # late: reading needs none of them
+
     commands: dict[type, Literal["learn", "merge", "combine"]] = {
         SedsSkill: "learn",
         MergedSkill: "merge",

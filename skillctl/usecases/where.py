@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl import compose
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model import CombinedSkill, MergedSkill, Skill, rollout
@@ -74,6 +73,8 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
     skill = artifact.skill
     if not isinstance(skill, CombinedSkill):
         return ()
+    from skillctl import compose  # late: other skills need nothing of it
+
     shares = compose.selected_shares(skill, artifact.demonstrations)
     return tuple(
         Region(number, prior, tuple(attractor), proof.radius, *share)
