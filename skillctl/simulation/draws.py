@@ -42,7 +42,7 @@ def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scena
 
 
 def _is_free(cup: Cup | None) -> bool:
-    return cup is not None and "position" not in cup.model_fields_set
+    return cup is not None and cup.position is None
 
 
 def _places(scene: Shelf | Table) -> tuple[Range, Range]:
@@ -86,7 +86,7 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
 
 
 def _cup(cup: Cup, sampling: Sampling, place: np.random.Generator, body: np.random.Generator) -> Cup:
-    x, y = cup.position
+    x, y = cup.place
     return Cup(
         **{
             **cup.model_dump(),

@@ -17,6 +17,7 @@ from skillctl.simulation.scene import Contact
 
 TIPPED = math.cos(math.radians(20.0))  # of the angle between the cup's axis and the vertical
 FALLEN = 0.02  # [m] below where it stood: not on its board any more
+HOLD_RATE = 5.0  # [1/s], at which the lifted hand is drawn to where it should be
 FIRST_LOOK = 0.05  # [s]
 GEAR_FORCE, GEAR_ERP = 50.0, 0.1  # one motor drives both fingers of the real hand
 
@@ -88,7 +89,8 @@ class Grasping:
         self.phase: Phase = "approach"
         self.began = 0.0
         self._plan, self._gripper, self._liftable = scenario.grasp, gripper, liftable
-        self._lift = 0.0
+        self._lift, self._lifting_since = 0.0, 0.0
+        self._from: FloatArray | None = None
         self._standing = cup[:3]
         self._toucher = ""
 
@@ -103,7 +105,7 @@ class Grasping:
             self._gripper.close(plan.force, plan.speed)
             self._begin("close", time)
         elif self.phase == "close" and elapsed >= plan.close_time:
-            self._lift = self._liftable()
+            self._lift, self._lifting_since = self._liftable(), time
             self._begin("lift", time)
         elif self.phase == "lift" and elapsed >= plan.lift_time:
             self._begin("hold", time)
@@ -111,15 +113,24 @@ class Grasping:
     def _begin(self, phase: Phase, time: float) -> None:
         self.phase, self.began = phase, time
 
-    def velocity(self, time: float) -> FloatArray | None:
-        """Return the hand's velocity (3,) [m/s]; None while the skill moves it."""
+    def velocity(self, time: float, reference: FloatArray) -> FloatArray | None:
+        """Return the hand's velocity (3,) [m/s] in lift and hold; None while the skill moves it.
+
+        A compliant hand sags under its load, so where it should be by now counts as well.
+
+        Args:
+            time: Now, [s].
+            reference: Of the driver: where it takes the hand to be, shape (3,), [m].
+        """
         if self.phase in ("approach", "close"):
             return None
-        if self.phase == "hold":
-            return np.zeros(3)
-        share = (time - self.began) / self._plan.lift_time
-        speed = self._lift / self._plan.lift_time * 30 * (share * (1 - share)) ** 2  # minimum jerk
-        return np.array([0.0, 0.0, speed])
+        if self._from is None:
+            self._from = reference
+        share = min(1.0, (time - self._lifting_since) / self._plan.lift_time)
+        height = self._lift * share**3 * (10 - 15 * share + 6 * share**2)  # minimum jerk
+        speed = self._lift / self._plan.lift_time * 30 * (share * (1 - share)) ** 2
+        up = np.array([0.0, 0.0, 1.0])
+        return HOLD_RATE * (self._from + height * up - reference) + speed * up
 
     def verdict(self, time: float, cup: FloatArray, contacts: Sequence[Contact]) -> Verdict | None:
         """Return how the grasp ended, None while it goes on.

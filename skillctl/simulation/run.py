@@ -139,7 +139,7 @@ class _Run:
         """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
         hand = self.driver.state().hand
         contacts = self.scene.contacts()
-        velocity = self.grasping.velocity(now, hand) if self.grasping else None
+        velocity = self.grasping.velocity(now, self.driver.reference) if self.grasping else None
         by_skill = velocity is None
         if velocity is None:
             velocity = self.motion.velocity(self.perception.hand(hand))

@@ -42,6 +42,9 @@ Control: TypeAlias = Literal["position", "torque"]
 
 PLANES: tuple[Plane, ...] = get_args(Plane)
 HANDS: tuple[HandPolicy, ...] = tuple(HAND_PITCH)
+CONTROLS: tuple[Control, ...] = get_args(Control)
+SCENES: tuple[str, ...] = ("none", "table", "shelf")
+DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
 # Strict: 0.3 and 1 are numbers, "0.3" and true are not.
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -113,19 +116,24 @@ class Cup(Part):
     """A cup: seen as one, and for physics a solid upright cylinder.
 
     Attributes:
-        position: Where its axis stands, (x, y), [m].
+        position: Where its axis stands, (x, y), [m]. None: (0.62, 0); in a batch it is drawn.
         board: On which board of a shelf; a table has only one.
         radius, height: [m].
         mass: [kg], evenly distributed.
         friction: Coulomb's coefficient; what acts is its product with that of the other body (fingers: 1).
     """
 
-    position: Place = (0.62, 0.0)
+    position: Place | None = None
     board: Board = "top"
     radius: Positive = 0.032
     height: Positive = 0.12
     mass: Positive = 0.1
     friction: Positive = 0.5
+
+    @property
+    def place(self) -> Place:
+        """Where its axis stands, (x, y), [m]."""
+        return DEFAULT_PLACE if self.position is None else self.position
 
 
 class Grasp(Part):
@@ -225,7 +233,7 @@ class Scenario(Part):
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
-        tip, home: Of an arm by path, see ``find_arm``: the link that is its hand, and its ready posture, [rad].
+        tip, home: Of an arm by path, see ``find_arm``: the link that is its hand; its ready posture, [rad].
         start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture, and
             in a scene 10 cm before its front edge, 13 cm above the lowest board.
         target: Where the skill's attractor is moved to: a point in the skill's own coordinates, or
@@ -310,7 +318,7 @@ class Scenario(Part):
         if self.cup is not None and self.scene is None:
             raise ValueError("cup: it needs something to stand on, a scene of the kind shelf or table.")
         if self.cup is not None and self.scene is not None:
-            (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, self.cup.position
+            (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, self.cup.place
             if not (front < x < back and -half < y < half):
                 raise ValueError(
                     f"cup.position: ({x:g}, {y:g}) is not on a board; those lie at x from {front:g} to "

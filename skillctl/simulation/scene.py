@@ -66,7 +66,7 @@ def cup_middle(scenario: Scenario) -> FloatArray:
     if scenario.cup is None or scenario.scene is None:
         raise ValueError("this scenario has no cup")
     height = board_height(scenario.scene, scenario.cup.board) + 0.5 * scenario.cup.height
-    return np.array([*scenario.cup.position, height])
+    return np.array([*scenario.cup.place, height])
 
 
 @dataclass(frozen=True, slots=True)

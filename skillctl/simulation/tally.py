@@ -82,7 +82,7 @@ def encode_rows(rows: Sequence[Row]) -> bytes:
         scenario, cup = row.scenario, row.scenario.cup
         cells = [
             *(row.index, row.outcome, int(row.success), scenario.seed, scenario.start, scenario.target),
-            *([None] * 5 if cup is None else (*cup.position, cup.radius, cup.mass, cup.friction)),
+            *([None] * 5 if cup is None else (*cup.place, cup.radius, cup.mass, cup.friction)),
             None if row.trace is None else row.trace.part,
             *(None if row.metrics is None else getattr(row.metrics, name) for name in names),
             row.detail,
