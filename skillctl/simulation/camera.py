@@ -47,12 +47,14 @@ class Camera:
         right /= np.linalg.norm(right)
         self._axes = np.stack([right, np.cross(back, right), back])  # rows: right, up, towards the viewer
         self._tangents = math.tan(FIELD_OF_VIEW / 2) * np.array([width / height, 1.0])
+        # A point (x, y, z) is inside a picture around (u, v) from the distance w if |x − u| and |y − v| are at
+        # most tangent · (w − z). The least w for which all points are follows for x and y separately.
         seen = points @ self._axes.T
-        middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-        offsets = seen - middle
-        # A point is inside when |x| ≤ tangent · (distance − depth), so the widest point sets the distance.
-        needed = np.abs(offsets[:, :2]) / (MARGIN * self._tangents) + offsets[:, 2:]
-        self.eye = middle @ self._axes + float(needed.max()) * back
+        sideways, depths = seen[:, :2] / (MARGIN * self._tangents), seen[:, 2:]
+        ahead, behind = (depths + sideways).max(axis=0), (depths - sideways).max(axis=0)
+        middle = 0.5 * (ahead - behind) * MARGIN * self._tangents
+        distance = 0.5 * float((ahead + behind).max())
+        self.eye = np.array([*middle, distance]) @ self._axes
 
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return where points (n, 3) are in the picture, and their distance along the view (n,), [m].

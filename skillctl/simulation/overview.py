@@ -18,7 +18,7 @@ from skillctl.simulation.picture import GUTTER, HEADER, INK, PAPER, draw_header,
 from skillctl.simulation.stage import Stage
 
 SIZE = (1280, 960)
-SCENE_DIRECTION = (-0.85, -1.00, 1.45)  # from higher up than for one episode: cups stand side by side
+SCENE_DIRECTION = (-0.85, -1.00, 1.45)  # from higher up than one episode: many cups
 SUCCESS, FAILURE = (24, 92, 180), (206, 44, 32)
 PARTS: tuple[Colour, ...] = (
     (0, 114, 178),
@@ -83,7 +83,7 @@ def _world(shown: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Ima
         view = stage.seen_by(camera)
         overlay = Overlay(camera, view, SIZE)
         for row, trace in shown:
-            overlay.line(trace.path, _colour(row, trace, colour_by), width=1.8)
+            overlay.line(trace.path, _colour(row, trace, colour_by), width=2.2)
         for row, trace in shown:
             overlay.disc(trace.path[0], _colour(row, trace, colour_by), radius=3.0)
             if scene is None:

@@ -121,11 +121,15 @@ def test_the_camera_knows_where_points_are_in_its_picture(ball: np.ndarray) -> N
     assert view.depths[rows, columns].min() == pytest.approx(depth - 0.03, abs=2e-3)
 
 
-def test_what_is_framed_is_in_the_picture_and_touches_its_margin() -> None:
-    points = np.random.default_rng(1).uniform(-1, 1, (50, 3))
+def test_what_is_framed_fills_the_picture_up_to_its_margin() -> None:
+    """No nearer camera in that direction sees all: two opposite margins are touched, none is passed."""
+    points = np.random.default_rng(1).uniform((-2, -0.3, -0.1), (1, 0.5, 0.2), (50, 3))
     places, depths = Camera(points, np.array([1.0, 0.5, 0.4]), 480, 400).project(points)
-    widest = np.abs(2 * places - 1).max()
-    assert widest == pytest.approx(0.94, abs=1e-9)
+    low, high = (2 * places - 1).min(axis=0), (2 * places - 1).max(axis=0)
+    touched = np.argmax(high - low)
+    # Some ten roundings of numbers up to the distance, a few metres, over a width of about one.
+    assert (low[touched], high[touched]) == pytest.approx((-0.94, 0.94), abs=1e-13)
+    assert (np.abs([low, high]) < 0.94 + 1e-13).all()
     assert (depths > 0).all()
 
 
