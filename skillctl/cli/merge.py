@@ -123,7 +123,7 @@ def merge(
     The target is --target, else the mean end of the demonstrations of --fit, else the weighted mean of the
     skills' targets. Combined skills cannot be merged.
     """
-    from skillctl.store import locate
+    from skillctl.store import locate, parse_reference
     from skillctl.usecases.learn import Reading
     from skillctl.usecases.make import finish_target, require_target
     from skillctl.usecases.merge import MergeOptions, TaskOptions
@@ -151,10 +151,11 @@ def merge(
             plot=plot,
             progress=progress,
         )
-    parts = [locate(part.skill, store).path for part in report.parts]
+    files = [Path(skill) for skill in skills or () if isinstance(parse_reference(skill), Path)]
+    parts = [*files, *(locate(part.skill, store).path for part in report.parts)]
     parts += [lock.path] if lock is not None else []
     finish_target(
-        output_file, [*(fit or ()), *parts], created=report.created, depfile=depfile, if_changed=if_changed
+        output_file, [*parts, *(fit or ())], created=report.created, depfile=depfile, if_changed=if_changed
     )
     words.explain(output, report.notes, report.reasons if explain else ())
     output.result(report, lambda: blocks(report))

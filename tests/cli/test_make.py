@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -21,14 +22,17 @@ MAKEFILE = """
 SKILLCTL = {python} -m skillctl
 LEARN = $(SKILLCTL) learn --preset fast --components 2 -q
 
+all: both.h5 mix.h5
 both.h5: curve.h5 hook.h5
-\t$(SKILLCTL) combine $^ -o $@ --depfile both.d -q
+\t$(SKILLCTL) combine curve.h5 hook.h5 -o $@ --depfile both.d -q $(FLAGS)
+mix.h5: curve.h5 hook.h5
+\t$(SKILLCTL) merge curve.h5 hook.h5 --fit hook-0.csv -o $@ --depfile mix.d -q $(FLAGS)
 %.h5:
 \t$(LEARN) $(sort $(wildcard $*-*.csv)) -o $@ --depfile $*.d $(FLAGS)
 curve.h5 hook.h5: %.h5:
--include curve.d hook.d both.d
+-include curve.d hook.d both.d mix.d
 """
-SKILLS = ("both.h5", "curve.h5", "hook.h5")
+SKILLS = ("both.h5", "curve.h5", "hook.h5", "mix.h5")
 
 
 @pytest.fixture
@@ -65,14 +69,19 @@ def test_make_makes_what_changed_and_nothing_else(project):
 
     before = times(project)
     os.utime(project / "curve-1.csv")  # touched, not edited: the same bytes, and Make is satisfied
-    assert make(project) == ["both.h5", "curve.h5"]
+    assert make(project) == ["both.h5", "curve.h5", "mix.h5"]
     assert contents(project) == first
     assert times(project)["hook.h5"] == before["hook.h5"]
     assert make(project) == []
 
+    os.utime(project / "hook-0.csv")  # only mix.d says that mix.h5 is fitted to it
+    assert make(project) == ["both.h5", "hook.h5", "mix.h5"]
+    assert contents(project) == first
+    assert make(project) == []
+
     lines = (project / "curve-1.csv").read_text().splitlines()
     (project / "curve-1.csv").write_text("\n".join(lines[:-1]) + "\n")
-    assert make(project) == ["both.h5", "curve.h5"]
+    assert make(project) == ["both.h5", "curve.h5", "mix.h5"]
     assert contents(project)["curve.h5"] != first["curve.h5"]
     assert contents(project)["both.h5"] != first["both.h5"]
     assert make(project) == []
@@ -89,7 +98,7 @@ def test_if_changed_makes_nothing_again_from_what_stayed_the_same(project):
 def test_a_removed_input_stops_nothing(project):
     make(project)
     (project / "curve-3.csv").unlink()
-    assert make(project) == ["both.h5", "curve.h5"]
+    assert make(project) == ["both.h5", "curve.h5", "mix.h5"]
 
 
 def test_eight_jobs_at_once_make_the_same(project):
@@ -102,10 +111,10 @@ def test_eight_jobs_at_once_make_the_same(project):
     assert [path.name for path in project.iterdir() if ".tmp" in path.name] == []
 
 
-@pytest.mark.parametrize("delay", [0.4, 0.9, 1.5])
+@pytest.mark.parametrize("delay", [0.4, 0.9, 1.5, 2.5])
 def test_an_interrupted_make_leaves_nothing_half(project, delay):
     process = subprocess.Popen(
-        ["make", "-j2"], cwd=project, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+        ["make", "-j8"], cwd=project, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
     )
     time.sleep(delay)
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does
@@ -116,6 +125,25 @@ def test_an_interrupted_make_leaves_nothing_half(project, delay):
     assert [path.name for path in project.iterdir() if ".tmp" in path.name] == []
     make(project)
     assert make(project) == []
+
+
+def test_a_fitted_merger_depends_on_every_skill_it_was_to_choose_from(run, project, monkeypatch):
+    monkeypatch.chdir(project)
+    make(project, "curve.h5", "hook.h5")
+    arguments = [
+        "merge",
+        "curve.h5",
+        "./hook.h5",
+        "--fit",
+        "hook-0.csv",
+        "-o",
+        "one.h5",
+        "--depfile",
+        "one.d",
+    ]
+    report = json.loads(run(*arguments, "--json").stdout)
+    assert [part["skill"] for part in report["parts"]] == ["hook.h5"]  # curve.h5 got no weight
+    assert "one.h5: curve.h5 hook.h5 hook-0.csv\n" in (project / "one.d").read_text()
 
 
 def test_names_are_written_as_make_reads_them(tmp_path):
