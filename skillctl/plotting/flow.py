@@ -14,7 +14,8 @@ from skillctl.plotting.style import FLOW
 
 GRID = 90  # points a side at which the field is evaluated
 FASTEST = 0.95  # quantile of the speeds on the grid from which on a streamline is at its widest
-DENSITY = 1.15  # of the streamlines, in Matplotlib's measure
+DENSITY, DENSITY_OF_SMALL = 1.15, 0.7  # of the streamlines, in Matplotlib's measure
+SMALL = 3.0  # [inch], width of axes that have room for fewer
 WIDTHS = (0.3, 0.5, 0.8, 1.15, 1.6)  # from the slowest fifth of the speeds to the fastest [points]
 
 
@@ -48,12 +49,17 @@ def draw_flow(axes: Axes, skill: Skill, low: FloatArray, high: FloatArray, scale
         v,
         linewidth=shares.reshape(len(y), len(x)),
         color=FLOW,
-        density=DENSITY,
+        density=DENSITY if _width(axes) > SMALL else DENSITY_OF_SMALL,
         arrowsize=0.7,
         arrowstyle="-|>",
         zorder=1.0,
     )
     _bundle(axes, stream.lines)
+
+
+def _width(axes: Axes) -> float:
+    """Return the width of axes, [inch], before the layout of the figure is made."""
+    return float(axes.bbox.width / axes.figure.dpi)
 
 
 def _velocities(skill: Skill, places: FloatArray) -> FloatArray:

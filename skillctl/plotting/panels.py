@@ -173,17 +173,12 @@ def ellipses(
         yield mean[list(pair)], float(width), float(height), angle
 
 
-def draw_regions(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-    """Tint the region of each part of a combined 2-D skill, and draw the borders between them."""
+def draw_regions(axes: Axes, portrait: Portrait, scale: Scale, *, tint: float = 0.22) -> None:
+    """Draw the borders between the regions of a combined 2-D skill, and tint those unless ``tint`` is 0."""
     for index, (x, y, lead) in enumerate(_leads(portrait, scale)):
-        colour = PARTS[index % len(PARTS)]
-        axes.contourf(x, y, lead, levels=[0, 1e6], colors=[to_tint(colour, 0.22)], zorder=0.2)
-    draw_borders(axes, portrait, scale)
-
-
-def draw_borders(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-    """Draw the borders between the regions of a combined 2-D skill; nothing for other skills."""
-    for x, y, lead in _leads(portrait, scale):
+        if tint > 0:
+            colour = to_tint(PARTS[index % len(PARTS)], tint)
+            axes.contourf(x, y, lead, levels=[0, 1e6], colors=[colour], zorder=0.2)
         if lead.min() < 0 < lead.max():
             axes.contour(x, y, lead, levels=[0], colors=[INK], linewidths=0.6, zorder=1.5)
 

@@ -18,7 +18,7 @@ from matplotlib.patches import Circle
 from skillctl.arrays import FloatArray
 from skillctl.plotting.decay import Bounds, decay, distances
 from skillctl.plotting.flow import grid
-from skillctl.plotting.panels import draw_borders, frame
+from skillctl.plotting.panels import draw_regions, frame
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around, motions_from
 from skillctl.plotting.skill import WIDTH, scale_of
 from skillctl.plotting.style import (
@@ -95,7 +95,7 @@ def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | Non
     image = _draw_rates(axes, rates.reshape(len(y), len(x)), portrait, (0, 1), scale, _limits(rates))
     bar = axes.figure.colorbar(image, ax=axes, label=RATE, extend=_extend(rates), shrink=0.8)
     logarithmic(bar.ax.yaxis)
-    draw_borders(axes, portrait, scale)
+    draw_regions(axes, portrait, scale, tint=0)
     _draw_marks(axes, portrait, bounds, lost, (0, 1), scale)
     if np.isfinite(rates).any():
         lowest = int(np.nanargmin(rates))
