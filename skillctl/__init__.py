@@ -1,40 +1,95 @@
 """Robot skills: learn them from demonstrations, make new ones from learned ones, prove them stable.
 
-    from skillctl import learn, merge, combine, verify, load, save
+    from skillctl import Controller, learn, load, simulate, verify
 
-Every name is the use-case behind a command; each is imported when first asked for.
+    report = learn(["1.csv", "2.csv"], name="reach", store="skills")
+    skill = load("reach", store="skills")  # or load(report.path)
+    skill.velocity([0.42, 0.0, 0.55])  # one state (d,) or many (n, d), in metres → metres per second
+
+    certificate = verify(skill)  # .verdict, .rate [1/s], .period [s]
+    controller = Controller(skill, period=0.01)  # at most certificate.period
+    command = controller.step([0.42, 0.0, 0.55])  # once a period: measured position → velocity to command
+
+Positions are in the unit of the skill (m, or rad for joints) and in its frame: ``skill.space`` says which.
+
+``learn``, ``merge`` and ``combine`` do what the commands of these names do: they prove a skill, write it to a
+file (``output=``) or into the store (``name=``), and return a report; for what a skill is worth depends on
+what it was made from, and that is kept with it. ``load`` returns what moves: a skill, immutable, with
+``velocity``, ``translated``, ``leaves`` and ``space``. ``save`` writes one that was changed in Python; it has
+no proof and no history. Paths may be text. Errors are those of `skillctl.errors`, all of them
+`SkillctlError`, each with the ``hint`` that the command would print.
+
+Every name is the use-case behind a command, and is imported when it is first asked for.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from skillctl.usecases.combine import combine
+    from skillctl.errors import SkillctlError
+    from skillctl.learning import LearnOptions
+    from skillctl.model import Controller, rollout
+    from skillctl.simulation import Scenario
+    from skillctl.usecases.combine import CombineOptions, combine
     from skillctl.usecases.files import load, save
-    from skillctl.usecases.learn import learn
-    from skillctl.usecases.merge import merge
+    from skillctl.usecases.inspect import inspect
+    from skillctl.usecases.learn import Reading, learn
+    from skillctl.usecases.merge import MergeOptions, TaskOptions, merge
+    from skillctl.usecases.simulate import simulate
     from skillctl.usecases.verify_stability import verify
 
 __version__ = "0.1.0"
 
-__all__ = ["__version__", "combine", "learn", "load", "merge", "save", "verify"]
+__all__ = [
+    "CombineOptions",
+    "Controller",
+    "LearnOptions",
+    "MergeOptions",
+    "Reading",
+    "Scenario",
+    "SkillctlError",
+    "TaskOptions",
+    "__version__",
+    "combine",
+    "inspect",
+    "learn",
+    "load",
+    "merge",
+    "rollout",
+    "save",
+    "simulate",
+    "verify",
+]
 
 _HOMES = {
+    "CombineOptions": "skillctl.usecases.combine",
+    "Controller": "skillctl.model",
+    "LearnOptions": "skillctl.learning",
+    "MergeOptions": "skillctl.usecases.merge",
+    "Reading": "skillctl.usecases.learn",
+    "Scenario": "skillctl.simulation",
+    "SkillctlError": "skillctl.errors",
+    "TaskOptions": "skillctl.usecases.merge",
     "combine": "skillctl.usecases.combine",
+    "inspect": "skillctl.usecases.inspect",
     "learn": "skillctl.usecases.learn",
     "load": "skillctl.usecases.files",
     "merge": "skillctl.usecases.merge",
+    "rollout": "skillctl.model",
     "save": "skillctl.usecases.files",
+    "simulate": "skillctl.usecases.simulate",
     "verify": "skillctl.usecases.verify_stability",
 }
 
+if not TYPE_CHECKING:  # a type checker shall see the names above and no others
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib import import_module
+
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -12,7 +12,7 @@ STORE_VARIABLE = "SKILLCTL_STORE"
 STORE_NAME = "skills"
 
 
-def locate_store(explicit: Path | None = None) -> Path:
+def locate_store(explicit: str | Path | None = None) -> Path:
     """Return the directory of the store.
 
     The one given; else ``SKILLCTL_STORE``; else the nearest directory ``skills`` from the working directory
@@ -29,7 +29,7 @@ def locate_store(explicit: Path | None = None) -> Path:
     return Path(data) / "skillctl" / STORE_NAME
 
 
-def locate(reference: str, store: Path | None = None) -> Located:
+def locate(reference: str, store: str | Path | None = None) -> Located:
     """Return what a reference leads to, in the store that ``locate_store`` finds; see ``Registry.locate``."""
     parsed = parse_reference(reference)
     return (
@@ -37,6 +37,6 @@ def locate(reference: str, store: Path | None = None) -> Located:
     )
 
 
-def resolve(reference: str, store: Path | None = None) -> Path:
+def resolve(reference: str, store: str | Path | None = None) -> Path:
     """Return the file that a reference names; see ``Registry.locate``."""
     return locate(reference, store).path

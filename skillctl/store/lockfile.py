@@ -68,7 +68,7 @@ class Lock:
     path: Path
     skills: tuple[LockedSkill, ...]
 
-    def locate(self, reference: str, store: Path | None = None) -> Located:
+    def locate(self, reference: str, store: str | Path | None = None) -> Located:
         """Return what a reference leads to: one that was locked, to the version that was locked.
 
         Any other may name a version itself. Whether the content is allowed is for ``require`` to say.

@@ -113,9 +113,9 @@ class CombineOptions:
 def combine(
     skills: Sequence[str | Path],
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     name: str | None = None,
-    store: Path | None = None,
+    store: str | Path | None = None,
     lock: Lock | None = None,
     note: str | None = None,
     options: CombineOptions | None = None,
@@ -151,7 +151,7 @@ def combine(
     options = options or CombineOptions()
     if options.calibrate and options.part_priors is not None:
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
-    destination = Destination(output, name, store, note)
+    destination = Destination.at(output, name, store, note)
     if plot is not None:
         require_picture(plot)
     sources = open_parts(skills, store, lock)

@@ -41,7 +41,7 @@ class Destination:
 
     file: Path | None = None
     name: str | None = None
-    store: Path | None = None
+    store: str | Path | None = None
     note: str | None = None
 
     def __post_init__(self) -> None:
@@ -58,6 +58,13 @@ class Destination:
                 f"a note has 1 to {MAX_TEXT} characters; this one has {len(self.note)}.",
                 hint="Leave it out, or keep the long story elsewhere.",
             )
+
+    @classmethod
+    def at(
+        cls, file: str | Path | None, name: str | None, store: str | Path | None, note: str | None
+    ) -> Destination:
+        """Return the destination for a file whose path may be given as text."""
+        return cls(None if file is None else Path(file), name, store, note)
 
     def current(self) -> tuple[Artifact, Written] | None:
         """Return what lies there now, or None; a damaged artifact counts as nothing.

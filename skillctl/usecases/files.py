@@ -47,7 +47,7 @@ class Source:
         return ParentRecord(name=name, version=self.located.version, digest=self.artifact.digest, role=role)
 
 
-def open_skill(reference: str | Path, store: Path | None = None, lock: Lock | None = None) -> Source:
+def open_skill(reference: str | Path, store: str | Path | None = None, lock: Lock | None = None) -> Source:
     """Return the skill that a reference (file, NAME, NAME@3, NAME@latest) names.
 
     Args:
@@ -69,7 +69,7 @@ def open_skill(reference: str | Path, store: Path | None = None, lock: Lock | No
     return source
 
 
-def load(reference: str | Path, *, store: Path | None = None) -> Skill:
+def load(reference: str | Path, *, store: str | Path | None = None) -> Skill:
     """Return the skill that a reference names, ready to be asked for velocities.
 
     Args:
@@ -86,6 +86,13 @@ def save(skill: Skill, path: str | Path) -> Path:
     """Write a skill made or changed in Python to a file, without demonstrations or parents.
 
     Nothing is proved about it here: see ``verify``.
+
+    Args:
+        skill: What to write.
+        path: The file; replaced if it exists.
+
+    Returns:
+        The path.
 
     Raises:
         StoreError: The file cannot be written.

@@ -92,9 +92,9 @@ class LearnReport:
 def learn(
     data: Sequence[str | Path],
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     name: str | None = None,
-    store: Path | None = None,
+    store: str | Path | None = None,
     note: str | None = None,
     options: LearnOptions | None = None,
     reading: Reading | None = None,
@@ -125,7 +125,7 @@ def learn(
         FitError: The result could not be proved stable; nothing is written.
     """
     options, reading = options or LearnOptions(), reading or Reading()
-    destination = Destination(output, name, store, note)
+    destination = Destination.at(output, name, store, note)
     if plot is not None:
         require_picture(plot)
     paths = [Path(path) for path in data]

@@ -143,9 +143,9 @@ class TaskOptions:
 def merge(
     skills: Sequence[str | Path],
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     name: str | None = None,
-    store: Path | None = None,
+    store: str | Path | None = None,
     lock: Lock | None = None,
     note: str | None = None,
     options: MergeOptions | None = None,
@@ -178,7 +178,7 @@ def merge(
         FitError: No common Lyapunov matrix, and no refit possible or wanted; or no proof.
     """
     options = options or MergeOptions()
-    destination = Destination(output, name, store, note)
+    destination = Destination.at(output, name, store, note)
     if plot is not None:
         require_picture(plot)
     current = destination.current()

@@ -36,7 +36,7 @@ class PartSummary:
 
 
 def open_parts(
-    references: Sequence[str | Path], store: Path | None, lock: Lock | None = None
+    references: Sequence[str | Path], store: str | Path | None, lock: Lock | None = None
 ) -> list[Source]:
     """Return the skills that the references name, if the lock allows them."""
     return [open_skill(reference, store, lock) for reference in references]

@@ -64,7 +64,7 @@ def simulate(
     log: Path | None = None,
     picture: Path | None = None,
     video: Path | None = None,
-    store: Path | None = None,
+    store: str | Path | None = None,
     lock: Lock | None = None,
     progress: Progress | None = None,
 ) -> SimulateReport:

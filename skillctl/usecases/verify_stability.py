@@ -101,7 +101,7 @@ class VerifyReport:
 def verify_stability(
     references: Sequence[str | Path],
     *,
-    store: Path | None = None,
+    store: str | Path | None = None,
     lock: Lock | None = None,
     required: Requirements | None = None,
 ) -> VerifyReport:
@@ -118,8 +118,12 @@ def verify_stability(
     return VerifyReport(verdicts, required)
 
 
-def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certificate:
+def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Certificate:
     """Return what is proved of one skill, given as such or by reference.
+
+    Args:
+        skill: A skill; or a file, or a name of the store.
+        store: Where names live; default as on the command line.
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
@@ -130,7 +134,7 @@ def verify(skill: Skill | str | Path, *, store: Path | None = None) -> Certifica
     return certify(source.skill, digest=source.artifact.digest)
 
 
-def _verdict(reference: str, store: Path | None, lock: Lock | None, required: Requirements) -> SkillVerdict:
+def _verdict(reference: str, store: str | Path | None, lock: Lock | None, required: Requirements) -> SkillVerdict:
     try:
         source = open_skill(reference, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)
