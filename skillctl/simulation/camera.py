@@ -47,8 +47,8 @@ class Camera:
         right /= np.linalg.norm(right)
         self._axes = np.stack([right, np.cross(back, right), back])  # rows: right, up, towards the viewer
         self._tangents = math.tan(FIELD_OF_VIEW / 2) * np.array([width / height, 1.0])
-        # A point (x, y, z) is inside a picture around (u, v) from the distance w if |x − u| and |y − v| are at
-        # most tangent · (w − z). The least w for which all points are follows for x and y separately.
+        # A point (x, y, z) is inside a picture around (u, v) from the distance w if |x − u| and |y − v| are
+        # at most tangent · (w − z). The least w for which all points are follows for x and y separately.
         seen = points @ self._axes.T
         sideways, depths = seen[:, :2] / (MARGIN * self._tangents), seen[:, 2:]
         ahead, behind = (depths + sideways).max(axis=0), (depths - sideways).max(axis=0)

@@ -63,8 +63,10 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
         starts: Where the demonstrations of the skill start, shape (n, d); needed for ``start_scatter``.
 
     Raises:
-        UsageError: ``start_scatter``, and the skill carries no demonstrations.
+        UsageError: ``start_scatter``, and the skill carries no demonstrations; an episode below 0.
     """
+    if episode < 0:
+        raise UsageError(f"episode: counted from 0, got {episode}.")
     sampling = scenario.sampling
     generators = {
         stream: np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(episode, i)))
