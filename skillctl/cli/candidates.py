@@ -225,6 +225,17 @@ def _files(word: str, typed: Typed) -> Answer:
     return Answer(kind="files")
 
 
+def _arms(word: str, typed: Typed) -> Answer:
+    from skillctl.cli.options import ARMS
+
+    found = Answer(tuple((name, "") for name in ARMS)).starting_with(word)
+    return found if found.words else Answer(kind="files")
+
+
+def _nothing(word: str, typed: Typed) -> Answer:
+    return Answer()
+
+
 def _outputs(word: str, typed: Typed) -> Answer:
     from skillctl.cli.documents import OUTPUTS
 
@@ -239,5 +250,7 @@ VALUES: dict[str, Callable[[str, Typed], Answer]] = {
     "NAME": _names,
     "ALIAS": _aliases,
     "DATA": _files,
+    "ARM": _arms,
+    "LINK": _nothing,
     "OUTPUT": _outputs,
 }

@@ -32,6 +32,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "simulate": (
         "skillctl.usecases.simulate:SimulateReport",
         "skillctl.usecases.simulate_many:SimulateManyReport",
+        "skillctl.usecases.check_reach:CheckReachReport",
     ),
     "quickstart": ("skillctl.usecases.quickstart:QuickstartReport",),
     "ls": ("skillctl.usecases.ls:StoreReport",),

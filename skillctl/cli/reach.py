@@ -1,0 +1,37 @@
+"""``skillctl simulate --check``: its report for people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skillctl.cli import render, words
+
+if TYPE_CHECKING:
+    from skillctl.usecases.check_reach import CheckReachReport
+
+
+def blocks(report: CheckReachReport) -> list[render.Block]:
+    """Return the report for people: what is None was not looked at, because what comes before it failed."""
+    found = report.reachability
+    facts = [("skill", report.skill), ("reachable", words.yes_no(found.reachable))]
+    if found.reason:
+        facts.append(("reason", found.reason))
+    facts.append(("arm", found.arm if found.hand is None else f"{found.arm}, hand {found.hand}"))
+    for name, point, residual in (
+        ("start", found.start, found.start_residual),
+        ("target", found.target, found.target_residual),
+    ):
+        if point is not None and residual is not None:
+            facts.append((name, f"{words.point(point, 'm')}, {words.length(residual, 'm')} off"))
+    if found.path_residual is not None and found.duration is not None:
+        facts.append(
+            ("path", f"{words.length(found.path_residual, 'm')} off at most, {found.duration:.2f} s long")
+        )
+    if found.joint_margin is not None:
+        facts.append(
+            ("joint margin", f"{found.joint_margin:.2f} rad to a limit of joint {found.tightest_joint}")
+        )
+    if found.velocity_ratio is not None:
+        slowed = "; the arm will slow it down" if found.velocity_ratio > 1 else ""
+        facts.append(("joint speed", f"{found.velocity_ratio:.0%} of the limit at most{slowed}"))
+    return [render.Facts(tuple(facts))]
