@@ -28,7 +28,7 @@ CombineGate: TypeAlias = Literal["latched", "instantaneous"]
 Scope: TypeAlias = Literal["global", "local"]
 VerdictFormat: TypeAlias = Literal["text", "github"]
 FitLevel: TypeAlias = Literal["part", "component"]
-Arm: TypeAlias = Literal["panda", "iiwa"]
+ARMS = ("panda", "iiwa", "xarm6")
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Hand: TypeAlias = Literal["horizontal", "down", "free"]
 ColourBy: TypeAlias = Literal["outcome", "part"]
@@ -75,11 +75,6 @@ def read_components(text: str) -> int | Literal["auto"]:
         return int(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is neither a number nor auto.") from None
-
-
-def read_start(text: str) -> Numbers | None:
-    """Read ``home`` (None), or coordinates."""
-    return None if text == "home" else read_numbers(text)
 
 
 def chosen_lock(locked: bool) -> Lock | None:

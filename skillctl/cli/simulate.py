@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillctl.cli import many, options, render, words
+from skillctl.cli import many, options, reach, render, scene, words
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
+from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
     from skillctl.usecases.simulate import SimulateReport
@@ -19,74 +20,59 @@ Example:
   skillctl simulate reach --picture reach.png
   skillctl simulate reach --start 0.42,0,0.55 --target 0.6,0.1,0.5 --log reach.csv
   skillctl simulate g-shape --plane yz --scale 5 --demo 0 --arm iiwa
+  skillctl simulate reach --arm robots/mine.urdf --tip tool0 --check
+  skillctl simulate shelf --scene shelf --target cup --cup 0.62,-0.2 --picture grasp.png
+  skillctl simulate --scene shelf --target cup --move-target 1,0,0.08,0 --print-scenario > moved.toml
+  skillctl simulate shelf --scenario moved.toml --log moved.csv
   skillctl simulate reach --episodes 50 --jobs 2 --table reach.csv --overview reach.png
   skillctl simulate reach --episode 17 --video failure.gif
 
-Exit codes: 0 the hand reached the target, in at least --min-success of the episodes; 1 it did not."""
+Exit codes: 0 the hand reached the target, or lifted the cup, in at least --min-success of the episodes
+(--check: it can be reached); 1 it did not."""
 
-PLACING = "Placing the skill"
 BATCH = "Many episodes"
 
 
 def simulate(
     context: typer.Context,
-    skill: options.Skill,
-    arm: Annotated[options.Arm, typer.Option(help="Franka Panda, or KUKA LBR iiwa.")] = "panda",
-    start: Annotated[
-        Any,
+    skill: scene.OptionalSkill = None,
+    scenario: scene.File = None,
+    print_scenario: scene.PrintIt = False,
+    arm: scene.Arm = None,
+    tip: scene.Tip = None,
+    home: scene.Home = None,
+    start: scene.Start = None,
+    demo: scene.Demo = None,
+    target: scene.Target = None,
+    speed: scene.Speed = None,
+    control: scene.ControlMode = None,
+    max_duration: scene.MaxDuration = None,
+    plane: scene.Plane = None,
+    scale: scene.Scale = None,
+    origin: scene.Origin = None,
+    hand: scene.Hand = None,
+    standing: scene.Kind = None,
+    cup: scene.Cup = None,
+    push: scene.Push = None,
+    move_target: scene.MoveTarget = None,
+    displace: scene.Displace = None,
+    noise: scene.Noise = None,
+    target_error: scene.TargetError = None,
+    check: Annotated[
+        bool,
         typer.Option(
-            parser=options.read_start,
-            metavar="home|X,Y,Z",
-            help="Start, in the skill's coordinates. Default: home, the ready posture of the arm.",
+            "--check",
+            help="Only say whether start, path and target can be reached; nothing moves.",
             rich_help_panel=options.MOTION,
         ),
-    ] = None,
-    demo: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Start where the skill's demonstration N starts, counted from 0.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = None,
-    target: options.Target = None,
-    max_duration: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            help="Longest simulated time. Default: from how long the skill takes.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = None,
-    plane: Annotated[
-        options.Plane | None,
-        typer.Option(help="Workspace plane of a 2-D skill. Default: by its names.", rich_help_panel=PLACING),
-    ] = None,
-    scale: Annotated[
-        float | None,
-        typer.Option(
-            metavar="F",
-            help="Workspace metres per metre of the skill. Default: 1, or what makes a 2-D skill fit.",
-            rich_help_panel=PLACING,
-        ),
-    ] = None,
-    origin: Annotated[
-        options.Numbers | None,
-        typer.Option(
-            parser=options.read_numbers,
-            metavar="X,Y,Z",
-            help="Workspace position of the skill's zero. Default: the arm's base; a 2-D skill is centred "
-            "in front of the arm.",
-            rich_help_panel=PLACING,
-        ),
-    ] = None,
-    hand: Annotated[
-        options.Hand | None,
-        typer.Option(help="How the hand is held. Default: the first that works.", rich_help_panel=PLACING),
-    ] = None,
+    ] = False,
+    gui: Annotated[
+        bool,
+        typer.Option("--gui", help="Show it in a window, in real time.", rich_help_panel=options.RESULT),
+    ] = False,
     log: Annotated[
         Path | None,
-        typer.Option(metavar="F.csv", help="Write the time series.", rich_help_panel=options.RESULT),
+        typer.Option(metavar="F.csv|F.h5", help="Write the time series.", rich_help_panel=options.RESULT),
     ] = None,
     picture: Annotated[
         Path | None,
@@ -158,26 +144,49 @@ def simulate(
 
     The same command gives the same motion, bit for bit, on the same machine.
     """
-    from skillctl.simulation import Scenario
+    from skillctl.usecases.scenario import scenario_of, scenario_text
     from skillctl.usecases.simulate import simulate as simulate_skill
     from skillctl.usecases.simulate_many import simulate_many
 
     output: Output = context.obj
-    chosen = Scenario(
-        arm=arm,
-        start=start,
-        target=target,
-        plane=plane,
-        scale=scale,
-        origin=origin,  # type: ignore[arg-type]  # checked there
-        hand=hand,
-        max_duration=max_duration,
+    chosen = scenario_of(
+        scenario,
+        scene.given(
+            arm=arm,
+            tip=tip,
+            home=home,
+            start=start,
+            target=target,
+            max_speed=speed,
+            control=control,
+            max_duration=max_duration,
+            plane=plane,
+            scale=scale,
+            origin=origin,
+            hand=hand,
+            scene=standing,
+            cup=cup,
+            disturbances=scene.disturbances(push, move_target, displace),
+            noise=noise,
+            target_error=target_error,
+            episodes=episodes,
+            seed=seed,
+        ),
     )
-    drawing = {name: value for name, value in (("episodes", episodes), ("seed", seed)) if value is not None}
-    chosen = chosen.changed(**drawing)
+    if print_scenario:
+        output.verbatim(scenario_text(chosen))
+        raise typer.Exit(ExitCode.DONE)
+    if skill is None:
+        raise UsageError("SKILL: is missing: say which skill shall be run.")
     lock = options.chosen_lock(locked)
+    if check:
+        from skillctl.usecases.check_reach import check_reach
+
+        told = check_reach(skill, chosen, demo=demo, episode=episode, store=store, lock=lock)
+        output.result(told, lambda: reach.blocks(told))
+        raise typer.Exit(ExitCode.DONE if told.reachability.reachable else ExitCode.NEGATIVE)
     if episode is None and (chosen.episodes > 1 or episodes is not None):
-        many.refuse_for_many(demo=demo, log=log, picture=picture, video=video)
+        many.refuse_for_many(demo=demo, log=log, picture=picture, video=video, gui=gui or None)
         with output.progress("simulating") as progress:
             batch = simulate_many(
                 skill,
@@ -205,6 +214,7 @@ def simulate(
             log=log,
             picture=picture,
             video=video,
+            gui=gui,
             store=store,
             lock=lock,
             progress=progress,
@@ -218,10 +228,11 @@ def simulate(
 def blocks(report: SimulateReport) -> list[render.Block]:
     """Return the report for people."""
     figures = report.metrics
+    outcome = f"{report.outcome}: {report.detail}" if report.detail else report.outcome
     placed = "" if report.plane is None else f", plane {report.plane}"
     facts = [
         ("skill", report.skill),
-        ("outcome", report.outcome),
+        ("outcome", outcome),
         ("arm", f"{report.arm}, hand {report.hand}"),
         ("placed", f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}{placed}"),
         ("target", words.point(report.target, "m")),
@@ -241,8 +252,26 @@ def blocks(report: SimulateReport) -> list[render.Block]:
             "inverse kinematics",
             f"{words.length(figures.ik_residual, 'm')} off at most, {figures.ik_failures} failures",
         ),
+        *_scene_facts(report),
         ("simulated", f"{figures.simulated_time:.2f} s in {report.wall_seconds:.2f} s"),
     ]
     files = (("log", report.log), ("picture", report.picture), ("video", report.video))
     facts += [(name, str(path)) for name, path in files if path]
     return [render.Facts(tuple(facts))]
+
+
+def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:
+    """Return what there is to say about scene and cup; nothing without them."""
+    figures, facts = report.metrics, []
+    if report.scenario["scene"] is not None:
+        facts.append(
+            (
+                "clearance",
+                f"{words.length(figures.clearance, 'm')} to the {report.scenario['scene']['kind']} at least",
+            )
+        )
+        facts.append(("touched", ", ".join(figures.contacts) or "nothing"))
+    if report.scenario["cup"] is not None:
+        rise, moved = words.length(figures.cup_rise, "m"), words.length(figures.cup_moved, "m")
+        facts.append(("cup", f"{rise} up at the end, moved {moved} before the grasp"))
+    return facts

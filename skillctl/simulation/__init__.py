@@ -14,7 +14,7 @@ from skillctl.simulation.episode import (
     RefusedError,
     TimeSeries,
 )
-from skillctl.simulation.recording import encode_log
+from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import HANDS, PLANES, Cup, Scenario, Shelf, Table
 
@@ -35,5 +35,6 @@ __all__ = [
     "Table",
     "TimeSeries",
     "encode_log",
+    "log_format",
     "simulate",
 ]

@@ -27,6 +27,7 @@ radians; positions are in the workspace frame, in which the arm's base stands at
 
 from __future__ import annotations
 
+import difflib
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -355,13 +356,20 @@ def in_words(error: ValidationError) -> str:
     if first["type"] == "value_error":  # ours, of a whole table: it names the key within it itself
         return ".".join([*filter(None, [key]), str(first["ctx"]["error"])])
     if first["type"] == "extra_forbidden":
-        return f"{key}: there is no such key."
+        return f"{key}: there is no such key.{_did_you_mean(str(steps[-1]))}"
     if first["type"] == "missing":
         return f"{key}: {number}is missing."
     if key == "target" and isinstance(first["input"], str):
         return f"target: must be cup, or numbers, got {_shown(first['input'])}."
     given = "" if isinstance(first["input"], dict) else f", got {_shown(first['input'])}"
     return f"{key}: {number}{_expected(first)}{given}."
+
+
+def _did_you_mean(key: str) -> str:
+    parts = (Scenario, Shelf, Table, Cup, Grasp, Push, MoveTarget, Displace, Sampling)
+    known = {name for part in parts for name in part.model_fields}
+    nearest = difflib.get_close_matches(key, sorted(known), n=1)
+    return f" Did you mean {nearest[0]}?" if nearest else ""
 
 
 def _expected(detail: ErrorDetails) -> str:

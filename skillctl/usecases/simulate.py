@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from skillctl import simulation
 from skillctl.errors import UsageError
@@ -25,8 +26,10 @@ class SimulateReport:
 
     Attributes:
         skill, digest: What was run.
-        outcome: ``reached``, ``timeout``, ``unreachable`` or ``diverged``.
-        success: Whether the target was reached.
+        outcome: How it ended, see ``Outcome``.
+        success: Whether the target was reached, or the cup grasped.
+        detail: For a failure, what happened; else empty.
+        scenario: What was run, as in a scenario file; null: chosen automatically.
         arm, hand, base_yaw: Which arm, how it held its hand, how far its base was turned [rad].
         plane, scale, origin: Where the skill was placed: workspace = origin [m] + scale · coordinates.
         target: Workspace position the motion went to, [m].
@@ -40,6 +43,8 @@ class SimulateReport:
     digest: str
     outcome: Outcome
     success: bool
+    detail: str
+    scenario: dict[str, Any]
     arm: str
     hand: str
     base_yaw: float
@@ -64,6 +69,7 @@ def simulate(
     log: Path | None = None,
     picture: Path | None = None,
     video: Path | None = None,
+    gui: bool = False,
     store: str | Path | None = None,
     lock: Lock | None = None,
     progress: Progress | None = None,
@@ -74,11 +80,12 @@ def simulate(
         reference: The skill.
         scenario: Arm, placement, start, target, limits.
         demo: Start where this embedded demonstration starts, counted from 0; if the target is moved, as far
-            from it as the demonstration was.
+            from it as the demonstration was. (The cup as target moves no start.)
         episode: Run this one of the episodes that the scenario draws, counted from 0.
-        log: Write the time series there, as CSV.
+        log: Write the time series there, ``.csv`` or ``.h5``.
         picture: Write a contact sheet there, as PNG.
         video: Write a film there, ``.gif`` or ``.mp4``.
+        gui: Show it in a window, in real time.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         progress: Called with (stage, milliseconds done, milliseconds at most).
@@ -91,10 +98,11 @@ def simulate(
     source = open_skill(reference, store, lock)
     scenario = scenario or Scenario()
     if demo is not None:
-        scenario = scenario.changed(start=_start_of(demo, source, scenario))
+        scenario = scenario.changed(start=start_of(demo, source, scenario))
     if episode is not None:
         scenario = episode_of(source, scenario, episode)
     require_directories(log, picture, video)
+    log_kind = None if log is None else simulation.log_format(log.name)
     kind = None if video is None else _film_format(video)
     result = simulation.simulate(
         source.skill,
@@ -102,9 +110,10 @@ def simulate(
         progress=None
         if progress is None
         else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
+        gui=gui,
     )
-    if log is not None:
-        write_file(log, simulation.encode_log(result))
+    if log is not None and log_kind is not None:
+        write_file(log, simulation.encode_log(result, log_kind))
     if picture is not None:
         from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
 
@@ -134,6 +143,8 @@ def _report(
         digest=source.artifact.digest,
         outcome=episode.outcome,
         success=episode.success,
+        detail=episode.detail,
+        scenario=episode.scenario.model_dump(),
         arm=episode.arm.name,
         hand=episode.hand,
         base_yaw=episode.base_yaw,
@@ -161,7 +172,7 @@ def proof_notes(source: Source) -> tuple[str, ...]:
     )
 
 
-def _start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...]:
+def start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...]:
     """Return where an embedded demonstration starts, moved as the target is."""
     if scenario.start is not None:
         raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")

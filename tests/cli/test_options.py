@@ -7,13 +7,13 @@ from typing import get_args, get_type_hints
 import pytest
 import typer
 
-from skillctl.cli import options
-from skillctl.compose import FIT_LEVELS
+from skillctl.cli import options, scene
 from skillctl.demonstrations import FORMATS
 from skillctl.demonstrations.recording import Unit
 from skillctl.learning import METRICS, OBJECTIVES, PRESETS
 from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
 from skillctl.simulation import ARMS, HANDS, PLANES
+from skillctl.usecases.follow import FIT_LEVELS
 from skillctl.usecases.verify_stability import Requirements
 
 
@@ -29,13 +29,16 @@ from skillctl.usecases.verify_stability import Requirements
         (options.CombineGate, COMBINE_GATES),
         (options.FitLevel, FIT_LEVELS),
         (options.Scope, get_args(get_type_hints(Requirements)["scope"])),
-        (options.Arm, tuple(ARMS)),
         (options.Plane, PLANES),
         (options.Hand, HANDS),
     ],
 )
 def test_the_choices_are_those_of_the_rooms(spelt, defined):
     assert set(get_args(spelt)) == set(defined)
+
+
+def test_the_arms_offered_are_those_there_are():
+    assert tuple(ARMS) == options.ARMS
 
 
 @pytest.mark.parametrize(
@@ -48,8 +51,12 @@ def test_the_choices_are_those_of_the_rooms(spelt, defined):
         (options.read_indices, "3-3", (3,)),
         (options.read_components, "auto", "auto"),
         (options.read_components, "4", 4),
-        (options.read_start, "home", None),
-        (options.read_start, "0,1", (0.0, 1.0)),
+        (scene.read_start, "home", "home"),
+        (scene.read_start, "0,1", (0.0, 1.0)),
+        (scene.read_target, "cup", "cup"),
+        (scene.read_target, "0,1", (0.0, 1.0)),
+        (scene.read_cup, "0.6,-0.1", (0.6, -0.1, "")),
+        (scene.read_cup, "0.6,-0.1,bottom", (0.6, -0.1, "bottom")),
     ],
 )
 def test_lists_are_read(read, text, value):
@@ -68,7 +75,11 @@ def test_lists_are_read(read, text, value):
         (options.read_indices, "a"),
         (options.read_indices, "1-2-3"),
         (options.read_components, "some"),
-        (options.read_start, "here"),
+        (scene.read_start, "here"),
+        (scene.read_target, "cop"),
+        (scene.read_cup, "0.6"),
+        (scene.read_cup, "0.6,0,middle"),
+        (scene.read_cup, "0.6,0,0.7"),
     ],
 )
 def test_what_is_no_list_is_refused(read, text):
