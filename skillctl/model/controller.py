@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
 from skillctl.model.skill import CombinedSkill, Skill
 
@@ -51,9 +51,9 @@ class Controller:
     def _disturbed(self, state: FloatArray, skill: CombinedSkill) -> bool:
         if self._expected is None:
             return False
-        return float(np.linalg.norm(state - self._expected)) > skill.disturbance_distance
+        return length(state - self._expected) > skill.disturbance_distance
 
 
 def _shortened(velocity: FloatArray, max_speed: float) -> FloatArray:
-    speed = float(np.linalg.norm(velocity))
+    speed = length(velocity)
     return velocity * (max_speed / speed) if speed > max_speed else velocity

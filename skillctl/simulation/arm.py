@@ -296,12 +296,13 @@ class LiveArm:
         state, model = self._state, self.body.model
         beyond = (state.joints < self._lowest) | (state.joints > self._highest)
         too_fast = np.abs(state.velocities) > model.max_velocity
-        if not (beyond.any() or too_fast.any()):
+        stopped = beyond | too_fast
+        if not stopped.any():
             return False
         joints = np.clip(state.joints, self._lowest, self._highest)
         velocities = np.clip(state.velocities, -model.max_velocity, model.max_velocity)
         velocities[beyond] = 0.0
-        for i in np.flatnonzero(beyond | too_fast).tolist():
+        for i in np.flatnonzero(stopped).tolist():
             self.body.bullet.resetJointState(
                 self.body.body, self._indices[i], joints[i], velocities[i], physicsClientId=self.body.client
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.ik import Kinematics
 
@@ -41,7 +41,7 @@ class Follower:
     def advance(self, velocity: FloatArray, hand: FloatArray) -> float:
         """Move on for one period; return the share of the velocity (3,) that the joints allowed."""
         gap = hand - self.reference
-        if np.linalg.norm(gap) > FEEDBACK_GAP:
+        if length(gap) > FEEDBACK_GAP:
             velocity = velocity + FEEDBACK_RATE * gap
         step = CONTROL_PERIOD * velocity
         solution = self._kinematics.follow(self.reference + step, self.joints)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, length
 from skillctl.model.controller import Controller
 from skillctl.model.skill import CombinedSkill, Skill, attractors_of
 from skillctl.simulation.arm import CONTROL_PERIOD
@@ -65,11 +65,11 @@ class Motion:
 
     def distance_to_goals(self, position: FloatArray) -> float:
         """Return the distance of a position (3,) to the nearest end of any part, [m]."""
-        return float(np.linalg.norm(self._goals - position, axis=1).min())
+        return min(length(goal - position) for goal in self._goals)
 
     def velocity(self, position: FloatArray) -> FloatArray:
         """Return the hand's velocity (3,) [m/s] at a perceived position (3,)."""
-        distance = float(np.linalg.norm(self.target(position) - position))
+        distance = length(self.target(position) - position)
         limit = min(
             self._max_speed,
             self._speed + self._max_acceleration * self._period,
@@ -79,7 +79,7 @@ class Motion:
         state = self._placement.to_state(position)
         inner = self._controller.step(state, max_speed=limit / self._placement.scale)
         velocity = self._placement.lift(inner, position)
-        speed = float(np.linalg.norm(velocity))
+        speed = length(velocity)
         if speed > limit:  # only the way to a plane can add to the skill's own speed
             velocity *= limit / speed
         self._speed = min(speed, limit)
@@ -119,10 +119,10 @@ def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: F
     for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
         velocity = motion.velocity(position)
         position = position + CONTROL_PERIOD * velocity
-        if not np.linalg.norm(position) < WORKSPACE_RADIUS:
+        if not length(position) < WORKSPACE_RADIUS:
             break
         positions.append(position)
-        if np.linalg.norm(motion.target(position) - position) < PLAN_ARRIVAL * scenario.tolerance:
+        if length(motion.target(position) - position) < PLAN_ARRIVAL * scenario.tolerance:
             arrived = True
             break
     return Plan(np.stack(positions), motion.target(position), arrived)

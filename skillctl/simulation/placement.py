@@ -53,6 +53,8 @@ class Placement:
         Outside the plane of a 2-D skill a velocity towards the plane is added, which depends on the
         distance to the plane alone and decays exponentially: the skill's own convergence is untouched.
         """
+        if self.plane is None:
+            return np.asarray(self.scale * self.axes @ velocity)
         offset = position - self.origin
         outside = offset - self.axes @ (self.axes.T @ offset)
         return np.asarray(self.scale * self.axes @ velocity - PLANE_RATE * outside)
