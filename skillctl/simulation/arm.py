@@ -40,6 +40,7 @@ class ArmModel:
         finger_axis: Sign of the hand's y axis against the horizontal in the natural branch (see ``ik``).
         fingers: Finger joints and how far they are held open, [m].
         reach_centre: Middle of the comfortable workspace in front of the arm, [m].
+        yaw_share: How far the hand turns towards the azimuth of its place: 0 straight ahead, 1 radially.
         held: Joints that neither carry the hand nor are fingers of a known gripper, and where they are held.
     """
 
@@ -56,6 +57,7 @@ class ArmModel:
     finger_axis: int
     fingers: tuple[tuple[int, float], ...]
     reach_centre: tuple[float, float, float]
+    yaw_share: float
     held: tuple[tuple[int, float], ...] = ()
 
     @property
@@ -104,6 +106,7 @@ PANDA = ArmModel(
     finger_axis=-1,
     fingers=((9, 0.04), (10, 0.04)),
     reach_centre=(0.50, 0.0, 0.60),
+    yaw_share=0.5,  # at a shelf: with 0 the elbow, with 1 the forearm comes near the boards or a wall
 )
 # The model in pybullet_data has the link lengths of the LBR iiwa 14 R820 (0.36, 0.42, 0.40 m).
 IIWA = ArmModel(
@@ -120,6 +123,7 @@ IIWA = ArmModel(
     finger_axis=1,
     fingers=(),
     reach_centre=(0.60, 0.0, 0.60),
+    yaw_share=0.5,
 )
 XARM6 = ArmModel(
     name="xarm6",
@@ -135,6 +139,7 @@ XARM6 = ArmModel(
     finger_axis=-1,
     fingers=(),
     reach_centre=(0.45, 0.0, 0.45),
+    yaw_share=1.0,  # with six joints anything less turns the wrist through its singularity
 )
 ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}
 

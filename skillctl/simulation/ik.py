@@ -13,7 +13,6 @@ from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
 
 HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
 HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
-YAW_SHARE = 0.5  # of the azimuth: between straight ahead (0) and radial (1)
 
 DAMPING = 0.003  # per joint, fingers included: Bullet silently ignores a list of another length
 STEP_ITERATIONS, SEARCH_ITERATIONS, SEARCH_RESEEDS, SEARCH_RESTARTS = 20, 100, 20, 8
@@ -38,9 +37,9 @@ class Solution:
 class Kinematics:
     """Where the joints must be for the hand to be somewhere; computed on an arm that nothing else moves.
 
-    The hand's orientation follows from its position p, with ψ = yaw + ½ (azimuth(p) − yaw), yaw being
-    the base's: ``horizontal``: approach axis (cos ψ cos θ, sin ψ cos θ, −sin θ) with θ = 0.25 rad and a
-    horizontal finger axis; ``down``: the same with θ = π/2; ``free``: any orientation.
+    The hand's orientation follows from its position p, with ψ = yaw + s (azimuth(p) − yaw), yaw being
+    the base's and s the arm's ``yaw_share``. ``horizontal``: approach axis
+    (cos ψ cos θ, sin ψ cos θ, −sin θ) with θ = 0.25 rad and a horizontal finger axis; ``down``: the same with θ = π/2; ``free``: any orientation.
     """
 
     def __init__(self, body: ArmBody, hand: HandPolicy, base_yaw: float) -> None:
@@ -137,7 +136,7 @@ class Kinematics:
         """Return the hand's orientation q_xyzw at ``point``; None if it does not matter."""
         if self.hand == "free":
             return None
-        yaw = self._base_yaw + YAW_SHARE * self._relative_azimuth(point)
+        yaw = self._base_yaw + self.model.yaw_share * self._relative_azimuth(point)
         pitch = HAND_PITCH[self.hand]
         flipped = self._body.model.finger_axis < 0
         euler = (math.pi, pitch - math.pi / 2, yaw) if flipped else (0.0, pitch + math.pi / 2, yaw)

@@ -24,6 +24,7 @@ from skillctl.simulation.bullet import load_bullet, silenced
 TIME_LIMIT = 60.0  # [s], to load the file and its meshes
 MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
 FEWEST_JOINTS = 3  # to move a hand in three dimensions
+REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm takes its wrist to singularities
 FULL_TURN = 2 * math.pi  # [rad]: how far a joint without limits is turned either way
 SURVEY_POSTURES = 400  # from which the comfortable workspace is estimated
 
@@ -88,6 +89,7 @@ def _read(path: Path, _: int, tip: str | None, home: tuple[float, ...] | None) -
         finger_axis=-1,
         fingers=(),
         reach_centre=(0.0, 0.0, 0.0),
+        yaw_share=1.0 if len(chain) < REDUNDANT else 0.5,
         held=tuple(
             (joint["index"], float(np.clip(0.0, *_range(joint))))
             for joint in joints

@@ -49,6 +49,23 @@ def panda_hand(joints: np.ndarray) -> np.ndarray:
     return pose @ modified_dh(0, 0, 0.107, -half) @ modified_dh(0, 0, 0.105, 0)
 
 
+def xarm6_hand(joints: np.ndarray) -> np.ndarray:
+    """Return the hand's pose from the manufacturer's (standard) Denavit-Hartenberg table."""
+    q, a2, offset = math.pi / 2, math.hypot(0.2845, 0.0535), math.atan2(0.2845, 0.0535)
+    table = [
+        (0.267, -q, 0, 0),
+        (0, 0, a2, -offset),
+        (0, -q, 0.0775, offset),
+        (0.3425, q, 0, 0),
+        (0, -q, 0.076, 0),
+        (0.097, 0, 0, 0),
+    ]
+    pose = np.eye(4)
+    for (d, alpha, a, turned), theta in zip(table, joints, strict=True):
+        pose = pose @ modified_dh(0, 0, d, theta + turned) @ modified_dh(a, alpha, 0, 0)
+    return pose
+
+
 def approach_axis(point: Sequence[float]) -> list[float]:
     """Return where a horizontal hand points: half-way to radial, a quarter radian down."""
     yaw, pitch = 0.5 * math.atan2(point[1], point[0]), 0.25
@@ -72,6 +89,22 @@ def test_the_hand_is_where_the_manufacturers_table_says(panda: Kinematics) -> No
     generator = np.random.default_rng(3)
     for joints in generator.uniform(panda.lower, panda.upper, (20, 7)):
         assert panda.forward(joints) == pytest.approx(panda_hand(joints)[:3, 3], abs=10 * SINGLE)
+
+
+def test_the_hand_of_an_xarm6_is_where_its_manufacturers_table_says() -> None:
+    with ArmBody(ARMS["xarm6"], 0.0, shapes="none") as body:
+        kinematics = Kinematics(body, "horizontal", 0.0)
+        for joints in np.random.default_rng(4).uniform(kinematics.lower, kinematics.upper, (20, 6)):
+            assert kinematics.forward(joints) == pytest.approx(xarm6_hand(joints)[:3, 3], abs=10 * SINGLE)
+
+
+def test_a_hand_without_redundancy_points_radially() -> None:
+    point = np.array([0.35, 0.3, 0.45])
+    with ArmBody(ARMS["xarm6"], 0.0, shapes="none") as body:
+        found = Kinematics(body, "horizontal", 0.0).search(point, seed=0)
+    assert found.accepted
+    x, y, _ = xarm6_hand(found.joints)[:3, 2]
+    assert math.atan2(y, x) == pytest.approx(math.atan2(point[1], point[0]), abs=POSE_ANGLE)
 
 
 def test_a_found_pose_is_the_wanted_one(panda: Kinematics) -> None:
