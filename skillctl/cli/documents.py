@@ -64,7 +64,7 @@ def schema_of_output(name: str) -> Schema:
 
     if name not in OUTPUTS:
         raise NotFoundError(
-            f"there is no output {name}.", hint=did_you_mean(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
+            f"no command prints {name!r}.", hint=did_you_mean(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
         )
     catalogue = Catalogue()
     documents = [catalogue.schema_of(report) for report in report_types(name)]

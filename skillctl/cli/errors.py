@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -28,6 +28,15 @@ EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (KeyboardInterrupt, ExitCode.INTERRUPTED),
     (Exception, ExitCode.INTERNAL),
 )
+
+# What the parser says in a programmer's words, and how it is said here.
+REWORDED = (
+    (re.compile(r"('.*') is not a valid int(eger)?( range)?\."), r"\1 is not a whole number."),
+    (re.compile(r"('.*') is not a valid float( range)?\."), r"\1 is not a number."),
+    (re.compile(r"(\S+) is not in the range x>=(\S+)\."), r"\1 is less than \2."),
+    (re.compile(r"Got unexpected extra argument\(s\) \((.*)\)"), r"More was given than fits: \1."),
+)
+CHOICES = re.compile(r"'(?P<word>[^']*)' is not one of (?P<known>'.*')")
 
 # Typer keeps its parser's usage error private; its public BadParameter is a direct child of it.
 ParserError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -65,9 +74,12 @@ def describe(error: BaseException) -> Failure:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``Did you mean …?`` for the nearest known word, or nothing."""
-    nearest = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f"Did you mean {nearest[0]}?" if nearest else ""
+    """Return ``Did you mean …?`` for the nearest known word, or nothing. Dashes in front do not count."""
+    import difflib  # late: only mistakes need it
+
+    bare = {name.lstrip("-"): name for name in known}
+    nearest = difflib.get_close_matches(word.lstrip("-"), list(bare), n=1, cutoff=0.55)
+    return f"Did you mean {bare[nearest[0]]}?" if nearest else ""
 
 
 def _usage_failure(error: Exception) -> Failure:
@@ -79,6 +91,10 @@ def _usage_failure(error: Exception) -> Failure:
         hint = did_you_mean(option, _options_of(error))
     elif callable(render := getattr(error, "format_message", None)):
         message = render()
+    for pattern, words in REWORDED:
+        message = pattern.sub(words, message)
+    if choice := CHOICES.search(message):
+        hint = did_you_mean(choice["word"], re.findall("'([^']*)'", choice["known"]))
     return Failure(ExitCode.USAGE, printable(_sentence(message)), printable(hint))
 
 

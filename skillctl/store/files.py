@@ -120,7 +120,7 @@ def system_errors(action: str) -> Iterator[None]:
 
 
 _HINTS = {
-    errno.ENOENT: "Create the directory first (`mkdir -p`).",
+    errno.ENOENT: "Make the directory first, with mkdir -p.",
     errno.ENOTDIR: "A file stands where a directory is needed.",
     errno.EACCES: "Check the permissions of the file and its directory.",
     errno.EPERM: "Check the permissions of the file and its directory.",

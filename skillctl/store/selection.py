@@ -82,7 +82,7 @@ def _with_digest(name: str, beginning: str, numbers: tuple[int, ...], digest_of:
     if not found:
         raise NotFoundError(
             f"no version of {name} has a content digest beginning {beginning}.",
-            hint=f"It has {ranges(numbers)}.",
+            hint=f"It has {ranges(numbers)}; `skillctl ls {name}` shows their digests.",
         )
     if len(set(found.values())) > 1:
         raise UsageError(

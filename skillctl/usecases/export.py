@@ -68,8 +68,8 @@ def export(
     writers = {".mat": None, ".json": _json, ".npz": _npz}
     if output.suffix not in writers:
         raise UsageError(
-            f"{output}: the ending says what is written, and this one says nothing.",
-            hint=f"Use one of {', '.join(writers)}.",
+            f"{output}: skills are exported as .mat, .json or .npz, told by the ending of the file.",
+            hint=f"Name a file with one of these endings, as in -o {output.stem or 'skill'}.json.",
         )
     if leaf is not None and output.suffix != ".mat":
         raise UsageError("--leaf is for .mat files.", hint="Other files hold all leaves.")

@@ -23,7 +23,7 @@ from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import HeldOut, report_errors
 from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.progress import Progress
-from skillctl.usecases.proof import require_stable
+from skillctl.usecases.proof import LEARN_AGAIN, require_stable
 from skillctl.usecases.validate import LeftOut, held_out, leave_out_in_turn
 
 Status = Literal["learned", "up to date"]
@@ -142,7 +142,7 @@ def learn(
     read = reading.read(paths)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
     certificate = certify(fitted.skill)
-    require_stable(certificate)
+    require_stable(certificate, LEARN_AGAIN)
     left_out = leave_out_in_turn(read.demonstrations, options, progress) if validated else ()
     artifact = _artifact(fitted, read, operation, held_out(left_out) if left_out else None)
     written, notes = destination.write(artifact), (*read.notes, *fitted.warnings)

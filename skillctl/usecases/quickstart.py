@@ -208,7 +208,7 @@ def _require_free(directory: Path) -> None:
         else [entry.name for entry in directory.iterdir() if entry.name not in ours]
     )
     if foreign or not directory.is_dir():
-        what = f"holds other things ({sorted(foreign)[0]})" if foreign else "is not a directory"
+        what = f"not empty: it holds {sorted(foreign)[0]}" if foreign else "not a directory"
         raise UsageError(f"{directory}: {what}.", hint="Name a new directory: skillctl quickstart DIR")
 
 

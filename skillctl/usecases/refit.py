@@ -86,9 +86,10 @@ def _required_demonstrations(sources: Sequence[Source]) -> list[DemonstrationSet
         for motions in source.artifact.demonstrations:
             if motions is None:
                 raise FitError(
-                    f"{conflict_of(sources)} have no common Lyapunov matrix, and {source.name} carries no "
+                    f"no one Lyapunov matrix proves {conflict_of(sources)}, and {source.name} carries no "
                     "demonstrations from which it could be learned again.",
-                    hint="Learn the skills again, all with --metric euclidean, and merge those.",
+                    hint="Learn the skills again with `skillctl learn --metric euclidean`: those always fit "
+                    "together.",
                 )
             taught.append(motions)
     return taught

@@ -88,7 +88,7 @@ def prove_together(
         return found
     if found is None and not refit:
         raise FitError(
-            f"{conflict_of(sources)} have no common Lyapunov matrix: nothing would be proved of both.",
+            f"no one Lyapunov matrix proves {conflict_of(sources)}.",
             hint="Leave out --no-refit to learn them again under a common one.",
         )
     embedded = all(taught is not None for source in sources for taught in source.artifact.demonstrations)

@@ -94,7 +94,7 @@ def test_merging_keeps_the_controller_period_wherever_a_common_matrix_allows(lib
 
 
 def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):
-    with pytest.raises(FitError, match=r"upper\.h5 and .*lower\.h5 have no common Lyapunov matrix"):
+    with pytest.raises(FitError, match=r"upper\.h5 and .*lower\.h5 no one Lyapunov matrix proves"):
         merge(conflict, output=tmp_path / "m.h5", refit=False)
     assert not (tmp_path / "m.h5").exists()
 
@@ -106,7 +106,7 @@ def test_switching_at_every_instant_gets_its_common_proof_by_a_refit_too(conflic
     assert [refit.leaf for refit in report.refits] == [1, 2]
     assert read_skill(tmp_path / "c.h5").operation.results["lyapunov"] == "refitted"
     assert verify(tmp_path / "c.h5").verdict == "stable"
-    with pytest.raises(FitError, match="have no common Lyapunov matrix"):
+    with pytest.raises(FitError, match="no one Lyapunov matrix proves"):
         combine(conflict, output=tmp_path / "d.h5", options=options, refit=False)
     assert not (tmp_path / "d.h5").exists()
 
