@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from skillctl.cli.exit_codes import ExitCode
+from skillctl.plotting.style import LEFT_OUT
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -33,9 +34,20 @@ class Page(HTMLParser):
         self.text.append(data)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _coarse_grids():
+    """Draw fewer points and streamlines than users get: the same pictures in a third of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("skillctl.plotting.panels.REGION_GRID", 80)
+        patch.setattr("skillctl.plotting.flow.DENSITY", 0.5)
+        patch.setattr("skillctl.plotting.flow.DENSITY_OF_SMALL", 0.3)
+        patch.setattr("skillctl.plotting.proof.FINENESS", {2: 61, 3: 21})
+        yield
+
+
 @pytest.fixture(scope="module")
 def pages(library, curve_files, tmp_path_factory):
-    """Pages of a learned skill with a hostile note, and of a combined one; each written twice."""
+    """Pages of a learned skill with a hostile note, written twice, and of a combined one."""
     from typer.testing import CliRunner
 
     from skillctl.cli.app import app
@@ -49,10 +61,8 @@ def pages(library, curve_files, tmp_path_factory):
 
     run("learn", *curve_files, "--preset", "fast", "-o", hostile, "-m", HOSTILE)
     run("combine", "curve", "hook", "--store", library, "-o", folder / "both.h5")
-    for skill in (hostile, folder / "both.h5"):
-        for again in ("", "-again"):
-            page = folder / f"{skill.stem}{again}.html"
-            run("inspect", skill, "--store", library, "--html", page)
+    for skill, page in ((hostile, "hostile"), (hostile, "hostile-again"), (folder / "both.h5", "both")):
+        run("inspect", skill, "--store", library, "--html", folder / f"{page}.html")
     return folder
 
 
@@ -109,9 +119,7 @@ def test_learn_draws_the_same_when_it_learns_and_when_it_is_up_to_date(run, tmp_
     result = run(*words, "--plot", second)
     assert "up to date" in result.stdout
     assert first.read_bytes() == second.read_bytes()
-    without = tmp_path / "without.svg"
-    run(*[word for word in words if word != "--validate"], "--plot", without)
-    assert without.read_bytes() != first.read_bytes()  # the motions of demonstrations left out
+    assert f"stroke: {LEFT_OUT.lower()}" in first.read_text(encoding="utf-8")  # demonstrations left out
 
 
 @pytest.mark.parametrize("command", ["merge", "combine"])
@@ -128,14 +136,13 @@ def test_a_child_is_drawn_beside_its_parents_also_when_it_is_up_to_date(run, tmp
 
 def test_certificates_are_drawn_of_all_skills_that_can_be_read(run, tmp_path, library):
     (tmp_path / "broken.h5").write_bytes(b"not a skill")
-    both, one = tmp_path / "both.png", tmp_path / "one.png"
+    both = tmp_path / "both.png"
     result = run(
         "verify-stability", "curve", tmp_path / "broken.h5", "reach", "--store", library, "--plot", both
     )
     assert result.exit_code == ExitCode.REFUSED
-    run("verify-stability", "curve", "--store", library, "--plot", one)
-    with Image.open(both) as two_rows, Image.open(one) as one_row:
-        assert two_rows.height > 1.5 * one_row.height
+    with Image.open(both) as image:
+        assert image.height > image.width  # one below the other
     result = run("verify-stability", tmp_path / "broken.h5", "--plot", tmp_path / "none.png")
     assert result.exit_code == ExitCode.REFUSED
     assert not (tmp_path / "none.png").exists()
@@ -161,12 +168,11 @@ def test_a_page_that_cannot_be_written_is_refused(run, tmp_path, library, name):
 
 
 def test_the_same_skill_gives_the_same_page(pages):
-    for name in ("a<b>&c", "both"):
-        assert (pages / f"{name}.html").read_bytes() == (pages / f"{name}-again.html").read_bytes()
+    assert (pages / "hostile.html").read_bytes() == (pages / "hostile-again.html").read_bytes()
 
 
 def test_nothing_from_a_file_is_markup(pages):
-    page = Page((pages / "a<b>&c.html").read_text(encoding="utf-8"))
+    page = Page((pages / "hostile.html").read_text(encoding="utf-8"))
     assert not {"script", "iframe", "object", "b"} & set(page.tags)
     assert not [name for name, _ in page.attributes if name.startswith("on")]
     assert HOSTILE in page.text
@@ -200,7 +206,7 @@ def test_a_page_tells_verdict_proof_parts_and_lineage(pages):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on PATH")
 def test_a_browser_shows_the_page_without_asking_anybody(pages, tmp_path):
-    page = pages / "a<b>&c.html"
+    page = pages / "hostile.html"
     shot, log = tmp_path / "page.png", tmp_path / "network.json"
     command = [
         *(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -26,6 +26,17 @@ def shown_to(skill: Any, count: int = 3, reach: float = 0.2) -> DemonstrationSet
         for i, x in enumerate(starts)
     ]
     return DemonstrationSet(tuple(members), skill.space)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _coarse_grids() -> Iterator[None]:
+    """Draw fewer points and streamlines than users get: the same artists in a third of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("skillctl.plotting.panels.REGION_GRID", 80)
+        patch.setattr("skillctl.plotting.flow.DENSITY", 0.5)
+        patch.setattr("skillctl.plotting.flow.DENSITY_OF_SMALL", 0.3)
+        patch.setattr("skillctl.plotting.proof.FINENESS", {2: 61, 3: 21})
+        yield
 
 
 @pytest.fixture(scope="session")
