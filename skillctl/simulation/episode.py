@@ -107,12 +107,13 @@ class TimeSeries:
 class Metrics:
     """The figures of one episode. NaN where there is none.
 
-    Distances to the target, tracking, deviation and path length are those of the approach; limits,
-    clearance, contacts and inverse kinematics are those of the whole episode.
+    Distances to the target, tracking, deviation and path length are those while the skill moves the hand,
+    which it does until a lift begins; the others are those of the whole episode.
 
     Attributes:
-        final_error: Distance from the hand to the target at the end of the approach, [m].
-        time_to_target: When the hand came within the tolerance to stay, [s]; NaN if it never did.
+        final_error: Distance from the hand to the target at the end, or when the lift began, [m].
+        time_to_target: When the hand came within the tolerance, or near enough for the fingers to close, to
+            stay, [s]; NaN if it never did.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
@@ -194,21 +195,22 @@ def measure(
         series: What was measured.
         plan: The ideal rollout.
         model: The arm, for its limits.
-        tolerance: Distance to the target that counts as reached, [m].
+        tolerance: Distance to the target that counts as there, [m].
         contacts: What touched what, in words.
     """
-    approach = series.phases == 0
-    hand = series.hand[approach]
-    tracking = np.linalg.norm(hand - series.reference[approach], axis=1)
-    distances = np.linalg.norm(hand - series.targets[approach], axis=1)
+    by_skill = series.phases <= PHASES.index("close")
+    hand = series.hand[by_skill]
+    tracking = np.linalg.norm(hand - series.reference[by_skill], axis=1)
+    distances = np.linalg.norm(hand - series.targets[by_skill], axis=1)
     margins = np.minimum(series.joints - model.lower, model.upper - series.joints)
     planned = thinned(plan.positions, SPACING)
     planned_length = path_length(plan.positions)
     cup = series.cups[:, :3]
-    aside = cup[approach] - series.targets[approach]  # moves of the target are not the hand's doing
+    open_hand = series.phases == PHASES.index("approach")
+    aside = (cup - series.targets)[open_hand]  # moves of the target are not the hand's doing
     return Metrics(
         final_error=float(distances[-1]),
-        time_to_target=_arrival(distances, series.times[approach], tolerance),
+        time_to_target=_arrival(distances, series.times[by_skill], tolerance),
         simulated_time=float(series.times[-1]),
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),

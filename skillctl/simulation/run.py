@@ -80,9 +80,16 @@ def simulate(
         target=series.targets[-1],
         plan=setup.plan,
         series=series,
-        metrics=measure(series, setup.plan, setup.model, scenario.tolerance, run.recorder.touched),
+        metrics=measure(series, setup.plan, setup.model, _near(scenario), run.recorder.touched),
         wall_seconds=time.perf_counter() - began,
     )
+
+
+def _near(scenario: Scenario) -> float:
+    """Return the distance at which the hand is at its target, [m]; the skill stops when it has closed."""
+    if scenario.cup is None:
+        return scenario.tolerance
+    return max(scenario.tolerance, scenario.grasp.distance)
 
 
 class _Run:

@@ -218,6 +218,12 @@ def test_pybullet_prints_nothing_on_standard_output(shell, library):
         (["reach", "--demo", "0", "--start", "0.4,0,0.5"], 2, "--demo"),
         (["reach", "--picture", "no/such/p.png"], 2, "no/such"),
         (["curve", "--scale", "-1"], 2, "scale"),
+        (["reach", "--target", "cup"], 2, "something to stand on"),
+        (["reach", "--target", "cup", "--scene", "shelf", "--cup", "0.3,0"], 2, "is not on a board"),
+        (["reach", "--push", "1,0.5,10"], 2, "--push: expected 5 numbers"),
+        (["reach", "--scenario", "none.toml"], 4, "none.toml"),
+        (["reach", "--log", "reach.txt"], 2, ".h5"),
+        ([], 2, "SKILL"),
         (["curve", "--plane", "zz"], 2, "--plane"),
     ],
 )
@@ -256,3 +262,34 @@ def test_a_terminal_gets_rules_and_colour_and_a_pipe_does_not(shell, library):
     piped = shell("verify-stability", "curve", "--store", library, env=environment).stdout
     assert "\x1b" not in piped
     assert "─" not in piped
+
+
+def test_a_printed_scenario_is_read_back(run, tmp_path):
+    typed = ["--scene", "shelf", "--target", "cup", "--cup", "0.6,0.2,bottom", "--push", "1,0.5,0,40,0"]
+    printed = run("simulate", *typed, "--print-scenario", "--start", "home").stdout
+    (file := tmp_path / "s.toml").write_text(printed)
+    assert run("simulate", "--scenario", file, "--print-scenario").stdout == printed
+    moved = run("simulate", "--scenario", file, "--cup", "0.6,0.1", "--seed", "3", "--print-scenario").stdout
+    assert "position = [0.6, 0.1]" in moved
+    assert 'board = "bottom"' in moved
+    assert "seed = 3" in moved
+
+
+def test_a_bad_scenario_is_bad_input(run, tmp_path):
+    (file := tmp_path / "s.toml").write_text("[cup]\nmas = 1\n")
+    result = run("simulate", "any", "--scenario", file)
+    assert result.exit_code == 5
+    assert f"{file}: cup.mas: there is no such key. Did you mean mass?" in result.stderr
+
+
+@needs_pybullet
+def test_a_failure_is_told_in_words(run, library):
+    typed = ["--scene", "shelf", "--target", "cup", "--cup", "0.62,0,bottom", "--max-duration", "0.4"]
+    report = json.loads(run("simulate", "reach", *typed, "--store", library, "--json").stdout)
+    assert report["outcome"] == "timeout"
+    assert report["detail"].endswith("after 0.4 s")
+    assert report["scenario"]["cup"]["board"] == "bottom"
+    assert report["metrics"]["clearance"] > 0
+    shown = run("simulate", "reach", *typed, "--store", library)
+    assert shown.exit_code == 1
+    assert "timeout: the hand was" in shown.stdout

@@ -2,11 +2,14 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
-from skillctl.simulation import ARMS, Episode, Scenario, TimeSeries, encode_log
+from skillctl.errors import UsageError
+from skillctl.simulation import ARMS, Episode, Scenario, TimeSeries, encode_log, log_format
 from skillctl.simulation.episode import measure
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
@@ -62,4 +65,38 @@ def test_every_number_of_the_log_reads_back_exactly(episode: Episode) -> None:
         assert (columns(*(f"{prefix}{joint}" for joint in range(1, 8))) == values).all()
     assert (columns("ik_residual")[:, 0] == series.residuals).all()
     assert [row["part"] for row in rows] == ["0", "0", "1", "1", "1"]
-    assert len(rows[0]) == 1 + 3 + 3 + 3 * 7 + 1 + 1
+    assert [row["phase"] for row in rows] == ["approach", "approach", "close", "lift", "hold"]
+    assert (columns("target_x", "target_y", "target_z") == series.targets).all()
+    assert (columns("finger1", "finger2") == series.fingers).all()
+    assert len(rows[0]) == 1 + 3 + 3 + 3 * 7 + 1 + 1 + 1 + 3 + 2
+
+
+def test_scene_and_cup_have_columns_if_there_are_any(episode: Episode) -> None:
+    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))  # type: ignore[arg-type]
+    rows = list(csv.DictReader(io.StringIO(encode_log(with_cup).decode())))
+    names = ("cup_x", "cup_y", "cup_z", "cup_qx", "cup_qy", "cup_qz", "cup_qw")
+    assert ([[float(row[name]) for name in names] for row in rows] == episode.series.cups).all()
+    assert [row["contacts"] for row in rows] == ["0", "0", "0", "2", "1"]
+    assert [row["clearance"] for row in rows] == ["0.1", "nan", "nan", "nan", "-0.002"]
+
+
+def test_an_hdf5_log_holds_what_the_csv_log_holds(episode: Episode) -> None:
+    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))  # type: ignore[arg-type]
+    rows = list(csv.DictReader(io.StringIO(encode_log(with_cup).decode())))
+    data = encode_log(with_cup, "h5")
+    with h5py.File(io.BytesIO(data)) as log:
+        assert set(log) == set(rows[0])
+        for name in log:
+            texts = [row[name] for row in rows]
+            found = log[name][()].tolist()
+            if name == "phase":
+                assert [value.decode() for value in found] == texts
+            else:
+                assert [repr(value) for value in found] == texts
+    assert encode_log(with_cup, "h5") == data
+
+
+def test_the_name_of_a_log_says_its_format() -> None:
+    assert [log_format(name) for name in ("a.csv", "b.H5", "c.hdf5")] == ["csv", "h5", "h5"]
+    with pytest.raises(UsageError, match=r"log: a\.txt must end in \.csv"):
+        log_format("a.txt")

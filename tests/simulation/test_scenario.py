@@ -21,7 +21,10 @@ from skillctl.simulation import ARMS, Scenario
         ("max_acceleration", math.inf),
         ("tolerance", 0.0),
         ("settle_time", math.nan),
-        ("horizon", 0.0),
+        ("max_duration", 0.0),
+        ("noise", -0.001),
+        ("control", "speed"),
+        ("episodes", 0),
         ("base_yaw", math.nan),
         ("seed", -1),
         ("arm", "crane"),
@@ -38,3 +41,21 @@ def test_an_unknown_arm_is_answered_with_the_known_ones() -> None:
     with pytest.raises(UsageError) as refusal:
         Scenario(arm="crane")
     assert all(name in str(refusal.value) for name in ARMS)
+
+
+def test_the_cup_as_target_brings_a_cup() -> None:
+    scenario = Scenario(scene={"kind": "shelf"}, target="cup")  # type: ignore[arg-type]
+    assert scenario.grasping
+    assert scenario.cup is not None
+    assert scenario.cup.place == (0.62, 0.0)
+    assert not Scenario(scene={"kind": "shelf"}).grasping  # type: ignore[arg-type]
+
+
+def test_a_scenario_cannot_be_changed_behind_its_back() -> None:
+    scenario = Scenario()
+    with pytest.raises(ValueError, match="frozen"):
+        scenario.noise = 1.0  # type: ignore[misc]
+    assert scenario.changed(noise=0.5).noise == 0.5
+    assert scenario.noise == 0.0
+    with pytest.raises(UsageError, match="noise"):
+        scenario.changed(noise=-1.0)
