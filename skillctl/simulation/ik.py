@@ -38,8 +38,9 @@ class Kinematics:
     """Where the joints must be for the hand to be somewhere; computed on an arm that nothing else moves.
 
     The hand's orientation follows from its position p, with ψ = yaw + s (azimuth(p) − yaw), yaw being
-    the base's and s the arm's ``yaw_share``. ``horizontal``: approach axis
-    (cos ψ cos θ, sin ψ cos θ, −sin θ) with θ = 0.25 rad and a horizontal finger axis; ``down``: the same with θ = π/2; ``free``: any orientation.
+    the base's and s the arm's ``yaw_share``. ``horizontal``: approach axis (cos ψ cos θ, sin ψ cos θ,
+    −sin θ) with θ = 0.25 rad and a horizontal finger axis; ``down``: the same with θ = π/2; ``free``: any
+    orientation.
     """
 
     def __init__(self, body: ArmBody, hand: HandPolicy, base_yaw: float) -> None:

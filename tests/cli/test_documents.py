@@ -43,6 +43,8 @@ RUNS = [
     ("verify-stability", "verify-stability HERE/i.h5", None),
     ("verify-stability", "verify-stability HERE/nowhere.h5", 4),
     ("simulate", "simulate reach --store LIBRARY --demo 0 --log HERE/l.csv", 0),
+    ("simulate", "simulate reach --store LIBRARY --demo 0 --check", 0),
+    ("simulate", "simulate reach --store LIBRARY --target 2,0,0.5 --check", 1),
     ("quickstart", "quickstart HERE/tour", 0),
     ("ls", "ls --store LIBRARY --check", 0),
     ("ls", "ls --store HERE", 0),
