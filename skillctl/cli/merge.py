@@ -220,5 +220,4 @@ def _errors(task: TaskReport, unit: str) -> render.Table:
 def _fit(task: TaskReport | None) -> tuple[tuple[str, str], ...]:
     if task is None:
         return ()
-    pull = "" if task.pull is None else f", pull {task.pull:g}"
-    return (("fitted", f"{task.choice}{pull}; chosen from {task.candidates} skills"),)
+    return (("fitted", f"{task.choice}; chosen from {task.candidates} skills"),)

@@ -1,6 +1,6 @@
 """Skills made from skills: merge, combine, and the common Lyapunov matrix that proves a merger."""
 
-from skillctl.compose.adapt import FIT_LEVELS, Adaptation, FitLevel, adapt, most_helpful
+from skillctl.compose.adapt import Adaptation, adapt, most_helpful, scaled_components
 from skillctl.compose.combine import combine
 from skillctl.compose.coverage import PartCoverage, calibrated_priors, coverage, selected_shares
 from skillctl.compose.lyapunov import (
@@ -14,9 +14,7 @@ from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.compose.parts import notes_on
 
 __all__ = [
-    "FIT_LEVELS",
     "Adaptation",
-    "FitLevel",
     "NoCommonLyapunovError",
     "PartCoverage",
     "acting_matrices",
@@ -30,6 +28,7 @@ __all__ = [
     "merge",
     "most_helpful",
     "notes_on",
+    "scaled_components",
     "selected_shares",
     "with_lyapunov",
 ]

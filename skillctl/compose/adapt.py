@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +14,6 @@ from skillctl.compose.parts import normalised, on_one_attractor
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.skill import MergedSkill, SedsSkill, Skill
-
-FitLevel: TypeAlias = Literal["part", "component"]
-FIT_LEVELS: tuple[FitLevel, ...] = ("part", "component")
-PULL = 0.1  # relative to the mean square of what a component moves in the demonstrations
-FLOOR = 0.05  # a component keeps at least this share of its part's weight: a zero one would stand still
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,29 +35,23 @@ def adapt(
     parts: Sequence[Skill],
     demonstrations: DemonstrationSet,
     *,
-    level: FitLevel = "part",
-    pull: float = PULL,
     target: npt.ArrayLike | None = None,
     lyapunov: FloatArray | None = None,
 ) -> Adaptation:
     """Return the superposition of the parts whose velocities are nearest to demonstrations of a new task.
 
-    Minimises the mean of ‖ξ̇ − Σᵢ wᵢ fᵢ(ξ)‖² over w ≥ 0, demonstrations counting alike. ``component``: then
-    also one factor per component, ξ̇ = Σᵢₖ cᵢₖ hₖⁱ(ξ) Aₖⁱ (ξ − ξ*) with cᵢₖ ≥ FLOOR wᵢ, pulled towards wᵢ:
-    h̃ = αᵏ hᵏ of the paper. Weights scale Aₖ by positive numbers, so a P that proves the parts proves the
-    result. What it does not show: how far a rollout stays from the demonstrations.
+    Minimises the mean of ‖ξ̇ − Σᵢ wᵢ fᵢ(ξ)‖² over w ≥ 0, demonstrations counting alike. Weights scale Aₖ by
+    positive numbers, so a P that proves the parts proves the result. What it does not show: how far a
+    rollout stays from the demonstrations.
 
     Args:
         parts: Two or more SEDS or merged skills in one state space.
         demonstrations: Of the new task; motions count relative to their own end points.
-        level: One weight per part, or also one per component.
-        pull: How strongly components keep to their part: the weight of (cᵢₖ / wᵢ − 1)², in shares of the mean
-            square of one component's contribution to the velocities.
         target: Attractor of the result (d,); by default the mean of the demonstrations' end points.
         lyapunov: Common P (d, d); may be omitted where the parts share one already.
 
     Raises:
-        UsageError: As ``merge``; or demonstrations of another dimension, or an unknown level.
+        UsageError: As ``merge``; or demonstrations of another dimension.
         NoCommonLyapunovError: As ``merge``.
         FitError: No mixture of the parts moves along with the demonstrations.
 
@@ -72,10 +59,6 @@ def adapt(
         Section 3 and 3.1 of the paper; theory page, adaptation to the task (ours).
     """
     members = common_members(parts, lyapunov)
-    if not (math.isfinite(pull) and pull >= 0):
-        raise UsageError(f"pull: must not be negative, got {pull:g}.")
-    if level not in FIT_LEVELS:
-        raise UsageError(f"fit level: one of {', '.join(FIT_LEVELS)}, not {level!r}.")
     if demonstrations.dimension != members[0].dimension:
         raise UsageError(
             f"merge: the demonstrations have {demonstrations.dimension} dimensions, "
@@ -94,8 +77,6 @@ def adapt(
             hint="Learn the task from the demonstrations, or choose other skills.",
         )
     chosen = tuple(members[i] for i in used)
-    if level == "component":
-        chosen = _scaled_components(chosen, weights[list(used)], task, pull)
     shares = normalised("part weights", weights[list(used)], len(used))
     return Adaptation(MergedSkill(chosen, shares, speed=float(weights.sum())), weights, used)
 
@@ -171,34 +152,13 @@ def _nonnegative(columns: FloatArray, goal: FloatArray) -> FloatArray:
     return np.asarray(nnls(columns, goal)[0], dtype=np.float64)
 
 
-def _scaled_components(
-    parts: tuple[SedsSkill | MergedSkill, ...], weights: FloatArray, task: _Task, pull: float
-) -> tuple[SedsSkill | MergedSkill, ...]:
-    """Return the parts with every system matrix multiplied by its fitted factor cᵢₖ / wᵢ ≥ FLOOR."""
-    offsets = task.states - parts[0].attractor
-    fields = [
-        weight * gate[:, None] * (offsets @ matrix.T)
-        for weight, part in zip(weights.tolist(), parts, strict=True)
-        for gate, matrix in zip(part.responsibilities(task.states).T, part.component_matrices, strict=True)
-    ]
-    columns = task.columns(fields)
-    # Unknown: how far each factor lies above the floor; rows below the data pull it towards one.
-    strength = np.sqrt(pull * np.square(columns).sum() / len(fields))
-    factors = FLOOR + _nonnegative(
-        np.vstack([columns, strength * np.eye(len(fields))]),
-        np.concatenate(
-            [task.goal - FLOOR * columns.sum(axis=1), np.full(len(fields), strength * (1 - FLOOR))]
-        ),
-    )
-    splits = np.split(factors, np.cumsum([part.n_components for part in parts])[:-1])
-    return tuple(_scaled(part, own) for part, own in zip(parts, splits, strict=True))
-
-
-def _scaled(part: SedsSkill | MergedSkill, factors: FloatArray) -> SedsSkill | MergedSkill:
-    """Return the part with its components' velocities multiplied by positive factors (K,)."""
+def scaled_components(part: SedsSkill | MergedSkill, factors: FloatArray) -> SedsSkill | MergedSkill:
+    """Return the part with its components' velocities multiplied by positive factors (K,): h̃ᵏ = αᵏ hᵏ."""
     if isinstance(part, SedsSkill):
         matrices = part.system_matrices * factors[:, None, None]
         residuals = part.residual_covariances * factors[:, None, None] ** 2
         return replace(part, system_matrices=matrices, residual_covariances=residuals)
     splits = np.split(factors, np.cumsum([inner.n_components for inner in part.parts])[:-1])
-    return replace(part, parts=tuple(_scaled(*pair) for pair in zip(part.parts, splits, strict=True)))
+    return replace(
+        part, parts=tuple(scaled_components(*pair) for pair in zip(part.parts, splits, strict=True))
+    )

@@ -10,6 +10,7 @@ sideways motion of one to the bottom left with the upward motion of one to the t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,7 +26,9 @@ PLACES = tuple(f"{height}-{side}" for height in HEIGHTS for side in SIDES)
 TASKS = ("bottom-left", "bottom-right", "top-centre")  # what the examples teach; other places are for tests
 COUNT, SEED = 8, 0  # demonstrations per task, and their seed
 
-STARTS = ((0.385, 0.44), (-0.12, 0.12), (0.52, 0.58))  # box of start positions [m]
+Box: TypeAlias = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]  # of x, y and z [m]
+STARTS: Box = ((0.385, 0.44), (-0.12, 0.12), (0.52, 0.58))  # as low as the example arm reaches, hand level
+LOW_STARTS: Box = ((0.385, 0.44), (-0.12, 0.12), (0.10, 0.20))  # a hand resting on the table: all goes up
 DURATION = (2.4, 3.8)  # [s]
 RATE = 100  # samples per second
 PATH_POINTS = 2001  # of the path before timing: chords of 0.3 mm, 1000 times shorter than its bends
@@ -43,17 +46,21 @@ def target_of(place: str) -> FloatArray:
     return np.array([DEPTH, SIDES[side], HEIGHTS[height]])
 
 
-def reaching_demonstrations(place: str, count: int = COUNT, seed: int = SEED) -> DemonstrationSet:
+def reaching_demonstrations(
+    place: str, count: int = COUNT, seed: int = SEED, *, starts: Box = STARTS, variability: float = 1.0
+) -> DemonstrationSet:
     """Return ``count`` reaches to a place, each ending at the cup after at least 10 cm of straight motion.
 
     Path, start and duration vary smoothly from one reach to the next; the speed along each path follows
-    the minimum-jerk law. Demonstration i depends on place, seed and i alone. Positions are rounded to
-    10 µm, so that the numbers are the same on every platform and survive a table unchanged.
+    the minimum-jerk law. Demonstration i depends on i and the arguments other than ``count`` alone. Positions
+    are rounded to 10 µm, so that the numbers are the same on every platform and survive a table unchanged.
 
     Args:
         place: One of ``PLACES``, see ``target_of``.
         count: Number of demonstrations, at least 1.
         seed: Any integer from 0.
+        starts: Box in which the reaches start, below and in front of the place.
+        variability: How much the ways of reaching differ, from 0, all alike but for start and duration, to 1.
 
     Raises:
         UsageError: No such place, or a count or seed below its least value.
@@ -64,9 +71,11 @@ def reaching_demonstrations(place: str, count: int = COUNT, seed: int = SEED) ->
     target = target_of(place)
     if count < 1 or seed < 0:
         raise UsageError(f"count and seed: at least 1 and 0, got {count} and {seed}.")
+    if not 0 <= variability <= 1:
+        raise UsageError(f"variability: from 0 to 1, not {variability:g}.")
     # Uniform doubles straight from the bits: distributions may change between NumPy versions, these do not.
     streams = [np.random.Generator(np.random.PCG64([seed, PLACES.index(place), i])) for i in range(count)]
-    reaches = (_reach(_Style.drawn(stream), target) for stream in streams)
+    reaches = (_reach(_Style.drawn(stream, starts, variability), target) for stream in streams)
     demonstrations = (
         Demonstration.from_positions(times, positions, f"{place} {index}")
         for index, (times, positions) in enumerate(reaches, start=1)
@@ -94,20 +103,21 @@ class _Style:
     sway: FloatArray
 
     @classmethod
-    def drawn(cls, stream: np.random.Generator) -> _Style:
+    def drawn(cls, stream: np.random.Generator, starts: Box = STARTS, variability: float = 1.0) -> _Style:
         def uniform(low: float, high: float) -> float:
             return low + (high - low) * stream.random()
 
+        def varied(low: float, high: float) -> float:  # with variability 1 the same to the last bit
+            return low + (high - low) * (0.5 + variability * (stream.random() - 0.5))
+
         return cls(
-            start=np.array([uniform(low, high) for low, high in STARTS]),
+            start=np.array([uniform(low, high) for low, high in starts]),
             duration=round(RATE * uniform(*DURATION)) / RATE,
-            entry=uniform(0.18, 0.24),
-            lateral_end=uniform(0.57, 0.64),
-            vertical_end=uniform(0.48, 0.58),
+            entry=varied(0.18, 0.24),
+            lateral_end=varied(0.57, 0.64),
+            vertical_end=varied(0.48, 0.58),
             # People draw the hand back a little before they lift it past an edge.
-            sway=np.array(
-                [[uniform(low, low + 0.04), uniform(-0.02, 0.02)] for low in (-0.03, -0.02, -0.01)]
-            ),
+            sway=np.array([[varied(low, low + 0.04), varied(-0.02, 0.02)] for low in (-0.03, -0.02, -0.01)]),
         )
 
 

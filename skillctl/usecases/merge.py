@@ -11,7 +11,6 @@ import numpy as np
 
 from skillctl import compose
 from skillctl.arrays import FloatArray
-from skillctl.compose import FitLevel
 from skillctl.errors import UsageError
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
@@ -22,6 +21,7 @@ from skillctl.usecases.candidates import candidates_from_store, require_same_spa
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import report_errors
 from skillctl.usecases.files import Source
+from skillctl.usecases.follow import FitLevel
 from skillctl.usecases.learn import Reading
 from skillctl.usecases.make import CANDIDATES, candidates_digest, reasons_to_make
 from skillctl.usecases.parts import (
@@ -45,7 +45,6 @@ class TaskReport:
 
     Attributes:
         choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
-        pull: How strongly components keep to their part; None unless ``per component``.
         demonstrations: How many were given.
         candidates: How many skills could have been used.
         errors: Mean DTW distance to the demonstrations.
@@ -53,7 +52,6 @@ class TaskReport:
     """
 
     choice: str
-    pull: float | None
     demonstrations: int
     candidates: int
     errors: TaskErrors
@@ -252,9 +250,7 @@ def _merge_for_task(
     written = destination.write(artifact)
     if plot is not None:
         draw_family(written.skill, artifact, used, fitted.skill.part_weights.tolist(), plot)
-    report = TaskReport(
-        fitted.choice, fitted.pull, len(shown), len(candidates), fitted.errors, fitted.held_out
-    )
+    report = TaskReport(fitted.choice, len(shown), len(candidates), fitted.errors, fitted.held_out)
     made = _report(
         written,
         used,
@@ -332,7 +328,7 @@ def _reports_of_used(
 
 def _results(fitted: FittedMerger, together: Together) -> dict[str, Any]:
     results = together.results
-    results["choice"], results["pull"] = fitted.choice, fitted.pull
+    results["choice"] = fitted.choice
     for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
         if errors is not None:
             results[name] = (errors.best_single, errors.equal, errors.fitted)

@@ -9,12 +9,12 @@ import numpy as np
 
 from skillctl import compose, metrics
 from skillctl.arrays import FloatArray
-from skillctl.compose import FitLevel
 from skillctl.errors import FitError
-from skillctl.model import DemonstrationSet, MergedSkill, Skill, rollout
+from skillctl.model import DemonstrationSet, MergedSkill, SedsSkill, Skill, rollout
 from skillctl.model.contraction import contraction_periods
+from skillctl.usecases.follow import FitLevel, follow, slowed
 
-PULLS = (1e-3, 1e-2, 1e-1, 1.0)  # how strongly components keep to their part; per part is all of it
+PER_PART = "weights per part"
 PATIENCE = 5  # durations of the longest demonstration that a motion is followed
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
@@ -44,7 +44,6 @@ class FittedMerger:
         skill: Superposition of the parts used; its speed is the sum of the weights.
         used: Indices of the parts with a weight.
         choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
-        pull: How strongly components keep to their part; None unless ``per component``.
         errors: On the demonstrations given.
         held_out: The same on each demonstration with weights fitted to the others; None for a single one.
     """
@@ -52,20 +51,22 @@ class FittedMerger:
     skill: MergedSkill
     used: tuple[int, ...]
     choice: str
-    pull: float | None
     errors: TaskErrors
     held_out: TaskErrors | None
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """One way to merge, and its error on every demonstration (n,)."""
+    """One way to merge, its weights (number of given parts,), and its error on every demonstration (n,)."""
 
     skill: MergedSkill
-    used: tuple[int, ...]
+    weights: FloatArray
     choice: str
-    pull: float | None
     distances: FloatArray
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        return tuple(np.flatnonzero(self.weights).tolist())
 
 
 def fit_to_task(
@@ -78,11 +79,11 @@ def fit_to_task(
 ) -> FittedMerger:
     """Return the merger of parts whose motions come nearest to demonstrations of a new task.
 
-    Weights come from least squares on velocities (``compose.adapt``), which says little about where a motion
-    goes; so each way to weight is followed from the demonstrated starts, and the mean DTW distance decides.
-    One part alone and equal weights are among the choices: the result is on these demonstrations never
-    worse than either. What it does not show: how near motions from other starts come, for which see
-    ``held_out``.
+    Least squares on velocities (``compose.adapt``) say little about where a motion goes; so the best of
+    those weights, equal ones and one part alone is where ``follow`` starts to fit whole motions, and of
+    everything tried the mean DTW distance decides: on these demonstrations the result is never worse than
+    one part alone or equal weights. What it does not show: how near motions from other starts come, for
+    which see ``held_out``.
 
     Args:
         parts: Two or more SEDS or merged skills.
@@ -96,9 +97,9 @@ def fit_to_task(
     """
     if target is None:
         target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
-    plain = _unfitted(parts, task, lyapunov, target)
-    candidates = [*plain, *_fitted(parts, task, task, lyapunov, level, target)]
-    best = _best(candidates)
+    parts = compose.merge(parts, target=target, lyapunov=lyapunov).parts
+    plain = _unfitted(parts, task)
+    best = _best([*plain, *_fitted(plain, parts, task, level)])
     if not np.isfinite(best.distances).all():
         raise FitError(
             "merge: no mixture of these skills follows the demonstrations without diverging.",
@@ -106,13 +107,10 @@ def fit_to_task(
         )
     held_out = None
     if len(task) > 1:
-        left_out = [
-            _best([*plain, *_fitted(parts, _without(task, i), task, lyapunov, level, target)], omitted=i)
-            for i in range(len(task))
-        ]
-        held_out = _errors(plain, np.array([fold.distances[i] for i, fold in enumerate(left_out)]))
+        folds = [_best([*plain, *_fitted(plain, parts, task, level, i)], i) for i in range(len(task))]
+        held_out = _errors(plain, np.array([fold.distances[i] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances)
-    return FittedMerger(best.skill, best.used, best.choice, best.pull, errors, held_out)
+    return FittedMerger(best.skill, best.used, best.choice, errors, held_out)
 
 
 def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
@@ -136,43 +134,43 @@ def _p_of(skill: Skill) -> FloatArray:
     return skill.leaves[0].lyapunov
 
 
-def _unfitted(
-    parts: Sequence[Skill], task: DemonstrationSet, lyapunov: FloatArray, target: Sequence[float]
-) -> list[_Candidate]:
+def _unfitted(parts: Sequence[SedsSkill | MergedSkill], task: DemonstrationSet) -> list[_Candidate]:
     """Return equal weights, and then each part alone."""
-    merged = compose.merge(parts, target=target, lyapunov=lyapunov)
-    alone = [MergedSkill((part,), np.ones(1)) for part in merged.parts]
-    everything = tuple(range(len(parts)))
-    ways = [(merged, everything, "equal weights")]
-    ways += [(skill, (i,), "one part") for i, skill in enumerate(alone)]
-    return [
-        _Candidate(skill, used, choice, None, task_distances(skill, task, skill.attractor))
-        for skill, used, choice in ways
+    merged = compose.merge(parts)
+    ways = [(merged, np.ones(len(parts)), "equal weights")]
+    ways += [
+        (MergedSkill((part,), np.ones(1)), weights, "one part")
+        for part, weights in zip(merged.parts, np.eye(len(parts)), strict=True)
     ]
+    return [_Candidate(*way, task_distances(way[0], task, merged.attractor)) for way in ways]
 
 
 def _fitted(
-    parts: Sequence[Skill],
-    shown: DemonstrationSet,
-    judged: DemonstrationSet,
-    lyapunov: FloatArray,
+    plain: Sequence[_Candidate],
+    parts: Sequence[SedsSkill | MergedSkill],
+    task: DemonstrationSet,
     level: FitLevel,
-    target: Sequence[float],
+    omitted: int | None = None,
 ) -> list[_Candidate]:
-    """Return weights fitted to the demonstrations shown, with their errors on those that judge."""
-    ways: list[tuple[FitLevel, float | None]] = [("part", None)]
-    ways += [("component", pull) for pull in PULLS] if level == "component" else []
-    candidates = []
-    for kind, pull in ways:
-        strength = {} if pull is None else {"pull": pull}
-        try:
-            fitted = compose.adapt(parts, shown, level=kind, target=target, lyapunov=lyapunov, **strength)
-        except FitError:  # nothing moves along; equal weights remain
-            return []
-        distances = task_distances(fitted.skill, judged, fitted.skill.attractor)
-        choice = "weights per part" if kind == "part" else "per component"
-        candidates.append(_Candidate(fitted.skill, fitted.used, choice, pull, distances))
-    return candidates
+    """Return weights fitted to the demonstrations, one of them not looked at."""
+    shown = task if omitted is None else _without(task, omitted)
+    goal = parts[0].attractor
+    try:
+        adapted = compose.adapt(parts, shown, target=goal)
+    except FitError:  # nothing moves along; equal weights remain
+        return []
+    skill = slowed(adapted.skill)
+    nearest = _Candidate(skill, adapted.weights, PER_PART, task_distances(skill, task, goal))
+    start = _best([*plain, nearest], omitted).weights
+    found = [nearest]
+    ways: dict[FitLevel, str] = {"part": PER_PART}
+    if level == "component":
+        ways["component"] = "per component"
+    for kind, choice in ways.items():
+        followed = follow(parts, shown, start, level=kind)
+        distances = task_distances(followed.skill, task, goal)
+        found.append(_Candidate(followed.skill, followed.weights, choice, distances))
+    return found
 
 
 def _best(candidates: Sequence[_Candidate], omitted: int | None = None) -> _Candidate:

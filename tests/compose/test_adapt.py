@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.compose import NoCommonLyapunovError, adapt, merge
+from skillctl.compose import NoCommonLyapunovError, adapt, merge, scaled_components
 from skillctl.errors import FitError, UsageError
-from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace, rollout
-from skillctl.model.contraction import decay_rates
+from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace
 
 EPS = np.finfo(float).eps
 
@@ -100,78 +99,23 @@ def test_where_the_task_was_shown_does_not_matter(parts):
     assert elsewhere.skill.attractor.tolist() == [1.0, 1.0]
 
 
-def test_factors_of_components_come_nearer_and_stay_positive(parts):
-    rng = np.random.default_rng(4)
-    factors = [rng.uniform(0.2, 3.0, part.n_components) for part in parts]
-    truth = [
-        replace(moved(p), system_matrices=p.system_matrices * f[:, None, None])
-        for p, f in zip(parts, factors, strict=True)
-    ]
-    task = shown(lambda x: sum(0.5 * part.velocity(x) for part in truth), STARTS, END)
-
-    def error(fitted):
-        return np.sqrt(
-            np.mean([np.square(fitted.skill.velocity(m.positions) - m.velocities).sum() for m in task])
-        )
-
-    per_part, per_component = adapt(parts, task), adapt(parts, task, level="component")
-    # Factors of one are among the choices; without a pull the truth is.
-    assert error(per_component) < error(per_part)
-    assert error(adapt(parts, task, level="component", pull=0.0)) < 1e-9 * error(per_part)
-    assert (per_component.weights == per_part.weights).all()
-    assert decay_rates(per_component.skill.lyapunov, per_component.skill.component_matrices).min() > 0
-
-
-def test_without_pull_the_factors_of_the_truth_are_found_and_with_much_none_moves(parts):
-    part, other = parts[1], parts[2]
-    factors = np.array([0.5, 2.0, 1.2])
-    scaled = replace(moved(part), system_matrices=part.system_matrices * factors[:, None, None])
-    task = shown(lambda x: scaled.velocity(x) + moved(other).velocity(x), STARTS, END)
-    weights = adapt([part, other], task).weights
-    for pull, expected in ((1e-14, factors), (1e12, weights[0] * np.ones(3))):
-        fitted = adapt([part, other], task, level="component", pull=pull)
-        matrices = weights[0] * fitted.skill.leaves[0].system_matrices
-        found = matrices[:, 0, 0] / part.system_matrices[:, 0, 0]
-        assert np.abs(found - expected).max() < 1e-3
-
-
-def test_a_component_never_loses_all_its_weight(parts):
-    part, other = parts[1], parts[2]
-    signs = np.array([1.0, -1.0, 1.0])  # the task wants the second component backwards
-    turned = replace(moved(part), system_matrices=part.system_matrices * signs[:, None, None])
-    task = shown(lambda x: turned.velocity(x) + moved(other).velocity(x), STARTS, END)
-    fitted = adapt([part, other], task, level="component", pull=0.0)
-    factors = fitted.skill.leaves[0].system_matrices[:, 0, 0] / part.system_matrices[:, 0, 0]
-    assert factors.min() == pytest.approx(0.05, rel=8 * EPS)
-    assert decay_rates(np.eye(2), fitted.skill.component_matrices).min() > 0
-
-
 def test_factors_reach_the_leaves_of_merged_parts(parts):
     nested = merge([merge(parts[:2], gate="experts", sharpness=2.0, speed=1.5), parts[2]])
-    task = shown(lambda x: 0.8 * moved(nested).velocity(x) + 0.01, STARTS, END)
-    fitted = adapt(nested.parts, task, level="component")
-    assert isinstance(fitted.skill.parts[0], MergedSkill)
-    before = np.concatenate([leaf.system_matrices for leaf in nested.leaves])
-    after = np.concatenate([leaf.system_matrices for leaf in fitted.skill.leaves])
-    ratios = after / before
-    assert np.abs(ratios - ratios[:, :1, :1]).max() <= 16 * EPS * np.abs(ratios).max()  # one factor each
-    assert (ratios > 0).all()
-    residuals = [leaf.residual_covariances for leaf in fitted.skill.leaves]
-    given = [leaf.residual_covariances for leaf in nested.leaves]
-    spread = np.concatenate(residuals) / np.concatenate(given)  # of a velocity: with the factor squared
-    assert np.abs(spread - ratios[:, :1, :1] ** 2).max() <= 64 * EPS * np.square(ratios).max()
-    starts = np.array(STARTS)
-    assert rollout(fitted.skill, starts, duration=200.0, period=0.002).arrived.all()
+    factors = np.arange(1.0, 6.0)  # of the two and three components of the parts merged first
+    scaled = scaled_components(nested.parts[0], factors)
+    assert isinstance(scaled, MergedSkill)
+    before = np.concatenate([leaf.system_matrices for leaf in nested.parts[0].leaves])
+    after = np.concatenate([leaf.system_matrices for leaf in scaled.leaves])
+    assert (after == factors[:, None, None] * before).all()
+    given = np.concatenate([leaf.residual_covariances for leaf in nested.parts[0].leaves])
+    spread = np.concatenate([leaf.residual_covariances for leaf in scaled.leaves])
+    assert (spread == factors[:, None, None] ** 2 * given).all()  # of a velocity: with the factor squared
 
 
 def test_what_cannot_be_fitted_is_refused_in_a_sentence(parts, make_skill):
     task = shown(lambda x: -moved(parts[0]).velocity(x), STARTS, END)  # away from the target
     with pytest.raises(FitError, match="no mixture of these skills moves along"):
         adapt(parts[:1] * 2, task)
-    with pytest.raises(UsageError, match="fit level: one of part, component, not 'joint'"):
-        adapt(parts, task, level="joint")
-    with pytest.raises(UsageError, match="pull: must not be negative, got -1"):
-        adapt(parts, task, pull=-1.0)
     solid = [make_skill(np.random.default_rng(0), dimension=3) for _ in range(2)]
     with pytest.raises(UsageError, match="the demonstrations have 2 dimensions, the skills 3"):
         adapt(solid, task)

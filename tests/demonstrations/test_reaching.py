@@ -10,8 +10,11 @@ import pytest
 from skillctl.demonstrations import reaching, read_demonstrations, write_csv
 from skillctl.demonstrations.reaching import (
     COUNT,
+    LOW_STARTS,
     PLACES,
+    STARTS,
     TASKS,
+    Box,
     reaching_demonstrations,
     target_of,
 )
@@ -54,9 +57,10 @@ def test_reaches_end_at_the_cup_after_ten_straight_centimetres(place: str) -> No
         assert (np.diff(entry[:, 0]) >= 0).all()
 
 
+@pytest.mark.parametrize("starts", [STARTS, LOW_STARTS])
 @pytest.mark.parametrize("place", PLACES)
-def test_reaches_keep_clear_of_the_boards(place: str) -> None:
-    for demonstration in reaching_demonstrations(place, 20, seed=2):
+def test_reaches_keep_clear_of_the_boards(place: str, starts: Box) -> None:
+    for demonstration in reaching_demonstrations(place, 20, seed=2, starts=starts):
         x, _, z = demonstration.positions.T
         near = x > 0.5 - 0.03  # boards begin at 0.50
         for bottom, top in ((0.40, 0.42), (0.68, 0.70)):
@@ -73,6 +77,27 @@ def test_reaches_start_low_in_front_of_the_shelf_and_vary(place: str) -> None:
     assert 2.4 <= min(durations) < max(durations) <= 3.8
     underway = np.stack([d.positions[len(d.times) // 3] for d in demonstrations])
     assert (underway.std(axis=0) > 0.005).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_low_starts_leave_every_reach_the_way_up(place: str) -> None:
+    for demonstration in reaching_demonstrations(place, 20, seed=3, starts=LOW_STARTS):
+        z = demonstration.positions[:, 2]
+        assert 0.10 <= z[0] <= 0.20
+        assert z[-1] - z[0] > 0.25
+
+
+def test_without_variability_reaches_differ_by_their_starts_alone() -> None:
+    def detours(variability: float):
+        for i in range(8):
+            stream = np.random.Generator(np.random.PCG64([4, 3, i]))
+            style = reaching._Style.drawn(stream, STARTS, variability)
+            yield np.hstack([style.entry, style.lateral_end, style.vertical_end, style.sway.ravel()])
+
+    spreads = [np.ptp(list(detours(variability)), axis=0) for variability in (0.0, 0.5, 1.0)]
+    assert spreads[0].max() <= 4 * np.finfo(float).eps
+    assert spreads[1] == pytest.approx(0.5 * spreads[2], rel=1e-12)
+    assert (spreads[2] > 0).all()
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -122,6 +147,8 @@ def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
     for count, seed in ((0, 0), (1, -1)):
         with pytest.raises(UsageError, match="at least 1 and 0"):
             reaching_demonstrations("top-left", count, seed)
+    with pytest.raises(UsageError, match="variability: from 0 to 1, not 2"):
+        reaching_demonstrations("top-left", variability=2.0)
     (demonstration,) = reaching_demonstrations("top-left", 1)
     with pytest.raises(StoreError, match="cannot be written"):
         write_csv(demonstration, tmp_path / "missing" / "reach.csv")

@@ -1,0 +1,251 @@
+"""Weights with which a merger goes where it was shown: fitted to whole motions, not to velocities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from skillctl import compose, metrics
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.learning import LearnOptions
+from skillctl.model import DemonstrationSet, MergedSkill, SedsSkill
+from skillctl.model.contraction import contraction_periods, decay_rates
+
+FitLevel: TypeAlias = Literal["part", "component"]
+FIT_LEVELS: tuple[FitLevel, ...] = ("part", "component")
+
+PERIOD = LearnOptions().period  # [s] of a controller; the result keeps it if its parts do
+RATE_SHARE = 0.2  # of the slowest part's rate, at the fitted speed, the result decays with at least
+FACTORS = (0.02, 5.0)  # of a component, as far as rate and period allow
+WEIGHTS = (0.02, 50.0)  # likewise of a part
+LEAST = 0.3  # of an equal share every part starts with at least: from nothing no factor leads anywhere
+DROPPED = 0.02  # a part with less than this share is left out
+PULL = 0.02  # paths off by this share of their lengths weigh as much as factors off by e
+POINTS = 40  # compared per path
+STEPS = 200  # per demonstration duration, at most
+DURATIONS = 2  # of the longest demonstration that a motion is followed
+SAFE = 0.999  # of the longest contracting step: rounding
+ARRIVED = 0.01  # of its path from the target: what is left is straight
+EVALUATIONS = 20
+NUDGE = 1e-4  # of a logarithm, for finite differences
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Followed:
+    """A merged skill, and the weight of each given part in it, zero for one left out. Shape (parts,)."""
+
+    skill: MergedSkill
+    weights: FloatArray
+
+
+def follow(
+    parts: Sequence[SedsSkill | MergedSkill],
+    shown: DemonstrationSet,
+    weights: FloatArray,
+    *,
+    level: FitLevel,
+) -> Followed:
+    """Return the superposition of the parts whose motions come nearest to demonstrations of a new task.
+
+    From ``weights``, a local search for the factors with the smallest mean squared distance between the
+    paths that start where demonstrations do and the demonstrated ones, point by point in shares of the arc
+    length, plus (``PULL`` log factor)². The paths do not change when everything moves faster; so the speed
+    is chosen last, to fit the velocities.
+
+    Component k of a part then moves with c Aₖ, h̃ = c hₖ. Factors are bounded so that a P that proves the
+    parts proves the result for controllers of ``PERIOD`` (or of the parts' own period where that is shorter)
+    and a rate of at least ``RATE_SHARE`` times the slowest part's, at the fitted speed.
+
+    Args:
+        parts: Two or more SEDS or merged skills with one attractor and one Lyapunov matrix.
+        shown: Demonstrations of the new task; each counts relative to its own end.
+        weights: Where the search begins, one per part, zero or more, not all zero.
+        level: One factor per part, or one per component.
+
+    References:
+        Section 3.1 of the paper, h̃ᵏ = αᵏ hᵏ; fitting motions instead of velocities is ours.
+    """
+    # Imported late: it would double the start-up time of every merge
+    from scipy.optimize import Bounds, least_squares
+
+    mixture = _Mixture.of(tuple(parts), weights, level)
+    neutral = np.ones(len(mixture.owners))
+    speed = mixture.speed(neutral, shown)
+    paths = _Paths.of(shown, parts[0].attractor)
+    step = mixture.step(speed, paths.longest)
+    strength = PULL / np.sqrt(len(neutral))
+
+    def misses_of(logs: FloatArray) -> FloatArray:
+        return paths.misses(mixture, speed * mixture.levelled(np.exp(logs)), step)
+
+    def residuals(logs: FloatArray) -> FloatArray:
+        return np.append(misses_of(logs[None])[0], strength * logs)
+
+    def slopes(logs: FloatArray) -> FloatArray:
+        misses = misses_of(np.vstack([logs, logs + NUDGE * np.eye(len(logs))]))
+        return np.vstack([(misses[1:] - misses[0]).T / NUDGE, strength * np.eye(len(logs))])
+
+    found = least_squares(
+        residuals,
+        np.zeros(len(neutral)),
+        slopes,
+        bounds=Bounds(*map(np.log, mixture.bounds(speed * step))),
+        max_nfev=EVALUATIONS,
+        ftol=1e-4,
+    )
+    factors = np.exp(found.x)
+    return mixture.merged(factors, mixture.speed(factors, shown))
+
+
+def slowed(merged: MergedSkill) -> MergedSkill:
+    """Return the merger, slower where it would not keep the period of controllers that its parts keep."""
+    periods = [contraction_periods(merged.lyapunov, part.component_matrices).min() for part in merged.parts]
+    fastest = SAFE * float(min(periods)) / min(PERIOD, float(min(periods)))
+    return replace(merged, speed=min(merged.speed, fastest))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Mixture:
+    """A superposition whose velocity is linear in m factors: one per part, or one per component.
+
+    Attributes:
+        parts: SEDS or merged skills with one attractor and one P.
+        shares: Influence of each part, summing to one.
+        level: What a factor belongs to.
+        owners: Part of each factor. Shape (m,).
+        rates, periods: Slowest decay [1/s] and shortest contracting step [s] of what each moves. Shape (m,).
+    """
+
+    parts: tuple[SedsSkill | MergedSkill, ...]
+    shares: FloatArray
+    level: FitLevel
+    owners: IntArray
+    rates: FloatArray
+    periods: FloatArray
+
+    @classmethod
+    def of(cls, parts: tuple[SedsSkill | MergedSkill, ...], weights: FloatArray, level: FitLevel) -> _Mixture:
+        shares = np.maximum(weights / weights.sum(), LEAST / len(parts))
+        rates = [decay_rates(part.lyapunov, part.component_matrices) for part in parts]
+        periods = [contraction_periods(part.lyapunov, part.component_matrices) for part in parts]
+        if level == "part":
+            rates, periods = (
+                [own.min(keepdims=True) for own in rates],
+                [own.min(keepdims=True) for own in periods],
+            )
+        owners = np.repeat(np.arange(len(parts)), [len(own) for own in rates])
+        return cls(
+            parts, shares / shares.sum(), level, owners, np.concatenate(rates), np.concatenate(periods)
+        )
+
+    @property
+    def period(self) -> float:
+        """The period the result keeps, [s]."""
+        return min(PERIOD, float(self.periods.min()))
+
+    def fields(self, positions: FloatArray) -> FloatArray:
+        """Return what each factor multiplies, at positions (n, d). Shape (n, m, d)."""
+        if self.level == "part":
+            fields = np.stack([part.velocity(positions) for part in self.parts], axis=1)
+        else:
+            gates = np.hstack([part.responsibilities(positions) for part in self.parts])
+            matrices = np.concatenate([part.component_matrices for part in self.parts])
+            fields = gates[:, :, None] * np.einsum(
+                "kij,nj->nki", matrices, positions - self.parts[0].attractor
+            )
+        return np.asarray(self.shares[self.owners, None] * fields)
+
+    def speed(self, factors: FloatArray, shown: DemonstrationSet) -> float:
+        """Return the speed that fits demonstrated velocities, as far as the controller period allows."""
+        along, own = 0.0, 0.0
+        for motion in shown:
+            x = motion.positions - motion.positions[-1] + self.parts[0].attractor
+            velocities = np.einsum("m,nmd->nd", factors, self.fields(x))
+            along += float(np.mean(velocities * motion.velocities))
+            own += float(np.mean(velocities * velocities))
+        own_speeds = np.full(len(factors), self.shares @ factors) if self.level == "part" else factors
+        fastest = SAFE * float((self.periods / own_speeds).min()) / self.period
+        return min(along / own, fastest) if along > 0 else min(1.0, fastest)
+
+    def step(self, speed: float, longest: float) -> float:
+        """Return a period with which motions at a speed contract, and take no more steps than needed, [s]."""
+        return min(max(self.period, longest / STEPS), SAFE * float(self.periods.min()) / speed)
+
+    def levelled(self, factors: FloatArray) -> FloatArray:
+        """Return factors (b, m) of which none makes everything move faster, if they belong to parts."""
+        return factors / (factors @ self.shares)[:, None] if self.level == "part" else factors
+
+    def bounds(self, advance: float) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and the largest factors, (m,) each, with one in between.
+
+        Args:
+            advance: Period times speed with which steps shall contract, [s].
+        """
+        if self.level == "part":
+            return np.full(len(self.owners), WEIGHTS[0]), np.full(len(self.owners), WEIGHTS[1])
+        low = np.maximum(FACTORS[0], RATE_SHARE * self.rates.min() / self.rates)
+        high = np.minimum(FACTORS[1], self.periods / advance)
+        return low, np.maximum(high, 1.0 + NUDGE)
+
+    def merged(self, factors: FloatArray, speed: float) -> Followed:
+        """Return the superposition with these factors, without parts of next to no influence."""
+        if self.level == "component":
+            splits = [factors[self.owners == i] for i in range(len(self.parts))]
+            scaled = [compose.scaled_components(*pair) for pair in zip(self.parts, splits, strict=True)]
+            return Followed(MergedSkill(tuple(scaled), self.shares, speed=speed), self.shares)
+        weights = self.shares * factors
+        weights[weights < DROPPED * weights.sum()] = 0
+        used = np.flatnonzero(weights)
+        chosen = tuple(self.parts[i] for i in used)
+        skill = MergedSkill(
+            chosen, weights[used] / weights[used].sum(), speed=speed * float(weights[used].sum())
+        )
+        return Followed(skill, weights)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Paths:
+    """Where motions shall go.
+
+    Attributes:
+        goal: Where all end, (d,).
+        curves: Points evenly spaced along each path. Shape (s, POINTS, d).
+        lengths: Of the paths. Shape (s,).
+        longest: Duration of the slowest demonstration, [s].
+    """
+
+    goal: FloatArray
+    curves: FloatArray
+    lengths: FloatArray
+    longest: float
+
+    @classmethod
+    def of(cls, shown: DemonstrationSet, goal: FloatArray) -> _Paths:
+        curves = [metrics.resample_by_arc_length(m.positions - m.positions[-1] + goal, POINTS) for m in shown]
+        stacked = np.stack(curves)
+        lengths = np.linalg.norm(np.diff(stacked, axis=1), axis=2).sum(axis=1)
+        return cls(goal, stacked, lengths, max(motion.duration for motion in shown))
+
+    def misses(self, mixture: _Mixture, factors: FloatArray, step: float) -> FloatArray:
+        """Return how far motions with factors (b, m) are off, in shares of the lengths. Shape (b, …)."""
+        starts = np.tile(self.curves[:, 0], (len(factors), 1))
+        moved = self._moved(mixture, starts, np.repeat(factors, len(self.curves), axis=0), step)
+        curves = np.stack([metrics.resample_by_arc_length(path, POINTS) for path in moved])
+        misses = curves.reshape(len(factors), *self.curves.shape) - self.curves
+        misses /= self.lengths[:, None, None] * np.sqrt(len(self.curves) * POINTS)
+        return misses.reshape(len(factors), -1)
+
+    def _moved(self, mixture: _Mixture, starts: FloatArray, factors: FloatArray, step: float) -> FloatArray:
+        """Return motions from starts (n, d) to the goal, each with its own factors (n, m): (n, T, d)."""
+        near = ARRIVED * np.tile(self.lengths, len(starts) // len(self.lengths))
+        x, path = starts, [starts]
+        for _ in range(round(DURATIONS * self.longest / step)):
+            x = x + step * np.einsum("nm,nmd->nd", factors, mixture.fields(x))
+            path.append(x)
+            if (np.linalg.norm(x - self.goal, axis=1) < near).all():
+                break
+        path.append(np.broadcast_to(self.goal, x.shape))
+        return np.stack(path, axis=1)
