@@ -38,6 +38,22 @@ def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     return
 
 
+@pytest.fixture(autouse=True)
+def _documented_reports_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail a test that prints a JSON document of a kind for which no schema is published."""
+    from skillctl.cli import render
+    from skillctl.cli.documents import OUTPUTS
+
+    to_json, known = render.to_json, {place for places in OUTPUTS.values() for place in places}
+
+    def checked(report: Any) -> str:
+        place = f"{type(report).__module__}:{type(report).__qualname__}"
+        assert place in known or not place.startswith("skillctl."), f"add {place} to cli/documents.py"
+        return to_json(report)
+
+    monkeypatch.setattr(render, "to_json", checked)
+
+
 @pytest.fixture
 def run() -> Run:
     """Call the command line in this process; exceptions that escape it fail the test."""

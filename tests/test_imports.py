@@ -80,3 +80,30 @@ def test_learning_needs_no_simulator(tmp_path, curve_files):
     loaded = packages("learn", *curve_files[:2], "--preset", "fast", "-o", "a.h5", cwd=tmp_path)
     assert "numpy" in loaded
     assert loaded.isdisjoint({"pybullet", "pybullet_data", "PIL", "matplotlib"})
+
+
+@pytest.mark.parametrize(
+    "line", ["completion bash", "__complete words merge c", "__complete words inspect curve@"]
+)
+def test_completion_imports_nothing_but_typer(line, tmp_path, library, monkeypatch):
+    monkeypatch.setenv("SKILLCTL_STORE", str(library))
+    assert packages(*line.split(), cwd=tmp_path) <= OURS | TYPER
+
+
+@pytest.mark.parametrize(
+    "line", ["schema", "schema learn", "log curve", "ls --check", "tag curve a --store ."]
+)
+def test_small_commands_need_no_mathematics(line, tmp_path, library, monkeypatch):
+    monkeypatch.setenv("SKILLCTL_STORE", str(library))
+    (tmp_path / "curve").mkdir()
+    (tmp_path / "curve" / "1.h5").write_bytes((library / "curve" / "1.h5").read_bytes())
+    loaded = packages(*line.split(), cwd=tmp_path)
+    assert loaded.isdisjoint(
+        {"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib", "cryptography"}
+    )
+
+
+@pytest.mark.parametrize("command", ["merge", "combine"])
+def test_making_skills_of_skills_needs_no_simulator(command, tmp_path, library):
+    loaded = packages(command, "curve", "hook", "--store", library, "-o", "a.h5", cwd=tmp_path)
+    assert loaded.isdisjoint({"pybullet", "pybullet_data", "rich", "PIL", "matplotlib", "cryptography"})
