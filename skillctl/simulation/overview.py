@@ -17,7 +17,7 @@ from skillctl.simulation.overlay import SUPERSAMPLING, Colour, Overlay
 from skillctl.simulation.picture import GUTTER, HEADER, INK, PAPER, draw_header, encode_png
 from skillctl.simulation.stage import Stage
 
-SIZE = (1280, 960)
+SIZE = (1200, 900)
 SCENE_DIRECTION = (-0.85, -1.00, 1.45)  # from higher up than one episode: many cups
 SUCCESS, FAILURE = (24, 92, 180), (206, 44, 32)
 PARTS: tuple[Colour, ...] = (

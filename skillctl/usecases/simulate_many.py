@@ -136,6 +136,9 @@ def simulate_many(
 
 
 def _say(progress: Progress, began: float, done: int, total: int, successes: int) -> None:
+    if not done:
+        progress("starting", done, total)
+        return
     rate = done / max(time.perf_counter() - began, 1e-9)
     progress(f"{successes} of {done} succeeded, {rate:.1f} episodes/s", done, total)
 
