@@ -142,6 +142,10 @@ def test_only_locked_skills_of_the_store_help_with_a_task(run, registry, curve_f
     report = document(run(*task, "--locked"))
     assert report["task"]["candidates"] == 2
     assert {part["skill"] for part in report["parts"]} <= {"curve@1", "hook@1"}
+    replace_version(registry, "hook", 1, registry.path_of("curve", 2).read_bytes())  # is not passed over
+    refused = run(*task, "--locked", "--force")
+    assert (refused.exit_code, refused.stdout) == (7, "")
+    assert "hook@1 holds" in refused.stderr
 
 
 def test_a_target_depends_on_the_lock(run, registry, tmp_path):
