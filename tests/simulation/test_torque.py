@@ -74,6 +74,8 @@ def test_the_hand_yields_in_proportion_and_always_returns(begin: Begin) -> None:
     for force in (10.0, 20.0, 40.0):
         pushed = run(driver, target, 0.5, (0.0, force, 0.0))
         reached.append(distances(pushed, target).max())
+        away = pushed[-1].hand - target
+        assert away[1] > 0.95 * np.linalg.norm(away)  # the way it was pushed, in the world
         after = run(driver, target, 2.5)
         assert distances(after, target)[-1] < 2e-3
     # Below the speed cap hand and skill are linear: a damper D against f = −2.5 /s (x − x*).
