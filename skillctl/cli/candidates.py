@@ -179,11 +179,13 @@ def _value(parameter: Any, word: str, typed: Typed) -> Answer:
         return Answer(tuple((choice, "") for choice in choices)).starting_with(word)
     if getattr(parameter.type, "name", "") == "path":
         return Answer(kind="directories" if metavar == "DIR" else "files")
-    forms, equals, _ = metavar.partition("=")  # N|auto, junit|sarif=FILE: what is in small letters is meant
+    left, equals, _ = metavar.partition("=")  # N|auto, junit|sarif=FILE: what is in small letters is meant
+    forms = left.split("|")
     if equals and "=" in word:
         return Answer(kind="files").after(word[: word.index("=") + 1])
-    literal = (form for form in forms.split("|") if form.isalpha() and form.islower())
-    return Answer(tuple((f"{form}{equals}", "") for form in literal)).starting_with(word)
+    literal = tuple((f"{form}{equals}", "") for form in forms if form.isalnum() and form.islower())
+    file = any(form.startswith("FILE") for form in forms)
+    return Answer(literal, "files" if file else "words").starting_with(word)
 
 
 def _skills(word: str, typed: Typed) -> Answer:
@@ -225,13 +227,6 @@ def _files(word: str, typed: Typed) -> Answer:
     return Answer(kind="files")
 
 
-def _arms(word: str, typed: Typed) -> Answer:
-    from skillctl.cli.options import ARMS
-
-    found = Answer(tuple((name, "") for name in ARMS)).starting_with(word)
-    return found if found.words else Answer(kind="files")
-
-
 def _nothing(word: str, typed: Typed) -> Answer:
     return Answer()
 
@@ -250,7 +245,6 @@ VALUES: dict[str, Callable[[str, Typed], Answer]] = {
     "NAME": _names,
     "ALIAS": _aliases,
     "DATA": _files,
-    "ARM": _arms,
     "LINK": _nothing,
     "OUTPUT": _outputs,
 }

@@ -105,7 +105,7 @@ class Catalogue:
         origin, arguments = get_origin(hint) or hint, get_args(hint)
         if origin in GENERICS:
             return GENERICS[origin](self, arguments)
-        if getattr(origin, "__module__", "") == "numpy":
+        if "numpy." in repr(hint):  # NDArray[…] is of another class from NumPy to NumPy
             return {"$ref": f"#/$defs/{self._array(hint)}"}
         if isinstance(origin, type):
             return self._class(origin)
