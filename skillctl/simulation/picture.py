@@ -90,7 +90,7 @@ def verdict(episode: Episode) -> str:
             return f"grasped, lifted and held: {metrics.simulated_time:.1f} s"
         case "timeout":
             return f"target not reached in {metrics.simulated_time:.1f} s, {missed} off"
-    return f"{episode.outcome.replace('_', ' ')} after {metrics.simulated_time:.1f} s"
+    return f"{episode.outcome}: {episode.detail}"
 
 
 def _length(metres: float) -> str:

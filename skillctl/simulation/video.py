@@ -15,9 +15,8 @@ from skillctl.errors import NotFoundError, UsageError
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.frame import PLAN, TARGET, TRAIL, Scenery
-from skillctl.simulation.picture import INK, caption, draw_caption
-from skillctl.simulation.stage import CUP_COLOUR
+from skillctl.simulation.frame import Scenery
+from skillctl.simulation.picture import caption, draw_caption
 
 SIZE = (480, 416)  # multiples of 16: the blocks that video is coded in
 SHARPNESS = 1.25  # a film has many frames
@@ -25,8 +24,6 @@ RATES = {"gif": Fraction(25, 2), "mp4": Fraction(25)}  # [1/s]; a GIF counts in 
 LAST_FRAME = 1.5  # [s] that the end stands still
 FRAMING = 8  # moments for which the whole arm has to be in the picture
 SWATCHES = 6  # frames that the colours of a GIF are chosen from
-TINTS = (1.0, 0.7, 0.4)  # of lines and marks: their smooth edges
-SHADES = (1.05, 0.92, 0.79, 0.66)  # of the cup, from its lit to its dark side
 QUALITY = {"crf": "20", "preset": "medium"}
 
 Progress = Callable[[int, int], None]  # frames drawn, and in all
@@ -90,23 +87,20 @@ def _gif(frames: Sequence[Image.Image], rate: Fraction) -> bytes:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return an image with 256 colours: those of what is small, and then the most common ones."""
+    """Return an image with 256 colours: one half the most common ones, the other spread over all there are.
+
+    The first alone would leave no colour for a line, the second none for a soft shadow.
+    """
     picks = np.linspace(0, len(frames) - 1, min(SWATCHES, len(frames)), dtype=int)
     swatch = Image.new("RGB", (SIZE[0], SIZE[1] * len(picks)))
     for place, pick in enumerate(picks):
         swatch.paste(frames[pick], (0, place * SIZE[1]))
-    rare = [
-        *(
-            255 - strength * (255 - np.array(colour))
-            for colour in (TRAIL, TARGET, PLAN, INK)
-            for strength in TINTS
-        ),
-        *(255 * light * np.array(CUP_COLOUR[:3]) for light in SHADES),
-    ]
-    drawn = np.rint(rare).astype(int).ravel().tolist()
-    common = swatch.quantize(256 - len(drawn) // 3, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    colours: list[int] = []
+    for method in (Image.Quantize.MEDIANCUT, Image.Quantize.MAXCOVERAGE):
+        half = swatch.quantize(128, method=method, dither=Image.Dither.NONE)
+        colours += (half.getpalette() or [])[: 3 * 128]
     palette = Image.new("P", (1, 1))
-    palette.putpalette((common.getpalette() or []) + drawn)
+    palette.putpalette(colours)
     return palette
 
 
