@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skillctl.arrays import FloatArray, frozen_array, require_simplex, require_spd
+from skillctl.errors import InvalidModelError
 
 BLOCK = 4096  # states evaluated together: their features and weights stay in the second-level cache
 FARTHEST = 1e100  # squares of larger offsets would overflow; beyond it the direction alone still decides
@@ -111,10 +112,18 @@ class GaussianMixture:
         return np.asarray(np.log(self.priors) - 0.5 * log_determinants)
 
     def coefficients(self, origin: FloatArray) -> FloatArray:
-        """Return the coefficients of log π_k N(x; μ_k, Σ_k) in the features of x − origin. Shape (K, F)."""
-        precisions = np.linalg.inv(self.covariances)
-        precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
-        return quadratic_coefficients(self.log_peaks, self.means, precisions, origin)
+        """Return the coefficients of log π_k N(x; μ_k, Σ_k) in the features of x − origin. Shape (K, F).
+
+        Raises:
+            InvalidModelError: They are no numbers: covariances of 1e-310 or 1e308 are definite, but useless.
+        """
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            precisions = np.linalg.inv(self.covariances)
+            precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
+            found = quadratic_coefficients(self.log_peaks, self.means, precisions, origin)
+        if not np.isfinite(found).all():
+            raise InvalidModelError("means and covariances: too large or too small to compute with.")
+        return found
 
     def log_joint(self, positions: FloatArray) -> FloatArray:
         """Return log π_k N(x; μ_k, Σ_k) for positions (n, d). Shape (K, n)."""

@@ -74,6 +74,10 @@ class SedsSkill:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
         gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
         coefficients, peak = gates.coefficients(self.attractor), float(gates.log_peaks.max())
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = self.density.log_density(self.attractor[None])
+        if not np.isfinite(known).all():
+            raise InvalidModelError("density: too large or too small to compute with.")
         compiled = GatedField(coefficients, peak, self.component_matrices, self.attractor)
         object.__setattr__(self, "_field", compiled)
 

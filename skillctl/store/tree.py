@@ -133,7 +133,7 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: StateSp
     rows, density_rows = slice(*node.components), slice(*node.density)
     try:
         density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
-        leaf = SedsSkill(
+        return SedsSkill(
             **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
             attractor=arrays["model/attractors"][node.leaf],
             lyapunov=arrays["model/lyapunov"][node.leaf],
@@ -143,8 +143,3 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: StateSp
         )
     except InvalidModelError as error:
         raise InvalidModelError(f"leaf {node.leaf}: {error}") from error
-    # Covariances of 1e-310 or 1e308 are definite, but what the gates make of them is not finite anywhere.
-    here = leaf.attractor[None]
-    if not (np.isfinite(leaf.responsibilities(here)).all() and np.isfinite(density.log_density(here)).all()):
-        raise InvalidModelError(f"leaf {node.leaf}: its numbers are too large or too small to compute with.")
-    return leaf

@@ -117,3 +117,15 @@ def test_a_mixture_is_valid_or_does_not_exist(changed, words):
     fields = {"priors": [0.5, 0.5], "means": np.zeros((2, 2)), "covariances": [np.eye(2), np.eye(2)]}
     with pytest.raises(InvalidModelError, match=words):
         GaussianMixture(**{**fields, **changed})
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-310, 1e308])
+def test_covariances_that_are_definite_but_useless_are_refused(size):
+    with pytest.raises(InvalidModelError, match="covariances: too large or too small to compute with"):
+        GaussianMixture([1.0], [[0.0, 0.0]], [size * np.eye(2)])
+
+
+def test_covariances_near_the_limits_still_give_numbers():
+    for size in (1e-300, 1e300):
+        mixture = GaussianMixture([0.5, 0.5], [[0.0, 0.0], [1.0, 0.0]], [size * np.eye(2)] * 2)
+        assert np.isfinite(mixture.log_density(np.zeros((1, 2)))).all()
