@@ -56,8 +56,15 @@ def portrait(make_skill: Callable[..., Any]) -> Callable[..., Portrait]:
     ) -> Portrait:
         rng = np.random.default_rng(7)
         space = StateSpace(StateSpace.cartesian(dimension).names, unit=unit)  # type: ignore[arg-type]
-        goals = np.zeros(dimension), np.full(dimension, 0.5 if kind == "combined" else 0.0)
-        one, other = (replace(make_skill(rng, dimension=dimension, attractor=g), space=space) for g in goals)
+        goals = np.full(dimension, 0.02), np.full(dimension, 0.5 if kind == "combined" else 0.02)
+        p = (
+            np.eye(dimension)
+            + 0.5 * np.diag(np.ones(dimension - 1), 1)
+            + 0.5 * np.diag(np.ones(dimension - 1), -1)
+        )
+        one, other = (
+            replace(make_skill(rng, dimension=dimension, lyapunov=p, attractor=g), space=space) for g in goals
+        )
         halves = np.array([0.5, 0.5])
         skill = one
         if kind == "combined":
