@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -97,6 +97,10 @@ def merge(
             rich_help_panel=TASK,
         ),
     ] = False,
+    input_format: Annotated[
+        options.InputFormat | None,
+        typer.Option(help="Of DEMO. Default: told from the content.", rich_help_panel=TASK),
+    ] = None,
     columns: Annotated[
         options.Words | None,
         typer.Option(
@@ -115,6 +119,26 @@ def merge(
     units: Annotated[
         options.Units | None, typer.Option(help="Unit of the positions.", rich_help_panel=TASK)
     ] = None,
+    scale: Annotated[
+        float | None, typer.Option(metavar="F", help="Multiply all positions.", rich_help_panel=TASK)
+    ] = None,
+    demos: Annotated[
+        options.Indices | None,
+        typer.Option(
+            parser=options.read_indices,
+            metavar="0,2,5-9",
+            help="Use these demonstrations only, counted from 0 over all files.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FRAME",
+            help="Frame in which the positions are given. Default: base.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
     store: options.Store = None,
     locked: options.Locked = False,
 ) -> None:
@@ -129,7 +153,17 @@ def merge(
     from skillctl.usecases.merge import MergeOptions, TaskOptions
     from skillctl.usecases.merge import merge as merge_skills
 
-    _require_task(skills, fit, fit_level, from_store, columns, dt, units)
+    reading: dict[str, Any] = {
+        "input_format": input_format,
+        "columns": columns,
+        "dt": dt,
+        "units": units,
+        "scale": scale,
+        "demos": demos,
+        "frame": frame,
+    }
+    given = {key: value for key, value in reading.items() if value is not None}
+    _require_task(skills, fit, fit_level, from_store, given)
 
     output: Output = context.obj
     lock = options.chosen_lock(locked)
@@ -143,9 +177,7 @@ def merge(
             lock=lock,
             note=message,
             options=MergeOptions(weights, gate, sharpness, speed, target),
-            task=TaskOptions(tuple(fit), fit_level, from_store, Reading(None, columns, dt, units))
-            if fit
-            else None,
+            task=TaskOptions(tuple(fit), fit_level, from_store, Reading(**given)) if fit else None,
             refit=not no_refit,
             force=force,
             plot=plot,
@@ -162,14 +194,18 @@ def merge(
 
 
 def _require_task(
-    skills: list[str] | None, fit: list[Path] | None, fit_level: str, from_store: bool, *reading: object
+    skills: list[str] | None,
+    fit: list[Path] | None,
+    fit_level: str,
+    from_store: bool,
+    reading: dict[str, Any],
 ) -> None:
     """Raise UsageError for options that only mean something with --fit, or for no skill at all."""
     if not fit:
         without = {
             "--fit-level": fit_level != "part",
             "--from-store": from_store,
-            "--columns, --dt and --units": any(option is not None for option in reading),
+            **{f"--{key.replace('_', '-')}": True for key in reading},
         }
         for option, given in without.items():
             if given:

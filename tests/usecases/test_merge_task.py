@@ -172,8 +172,40 @@ def test_the_command_shows_the_errors_and_refuses_lonely_options(run, task_files
         "chosen from 2 skills",
     ):
         assert text in result.stdout
-    for words in (["--fit-level", "component"], ["--from-store"], ["--units", "mm"]):
+    for words in (
+        ["--fit-level", "component"],
+        ["--from-store"],
+        ["--units", "mm"],
+        ["--scale", "2"],
+        ["--demos", "0"],
+        ["--frame", "base"],
+        ["--input-format", "csv"],
+    ):
         refused = run("merge", "curve", "hook", *words, "--store", library, "-o", tmp_path / "x.h5")
         assert (refused.exit_code, refused.stdout) == (2, "")
-        assert "only with --fit" in refused.stderr
+        assert f"{words[0]}: only with --fit" in refused.stderr
     assert run("merge", "-o", tmp_path / "x.h5").exit_code == 2
+
+
+def test_the_command_reads_a_task_as_learn_does(run, task_files, tmp_path, library):
+    halves = []
+    for path in task_files:
+        table = np.loadtxt(path, delimiter=",", skiprows=1) * [1, 0.5, 0.5]
+        halves.append(tmp_path / f"half-{path.name}")
+        np.savetxt(halves[-1], table, delimiter=",", header="t,x,y", comments="", fmt="%.9f")
+
+    def fitted_to(files, *words):
+        fits = [word for path in files for word in ("--fit", path)]
+        into = ("--store", library, "-o", tmp_path / f"{len(list(tmp_path.iterdir()))}.h5")
+        result = run("merge", "curve", "hook", *fits, *words, *into)
+        assert result.exit_code == 0, result.stderr
+        return next(line for line in result.stdout.splitlines() if " given" in line).split()
+
+    whole = fitted_to(task_files[1:2])
+    assert fitted_to(halves, "--scale", "2", "--demos", "1", "--input-format", "csv") == whole
+    refused = run(
+        *("merge", "curve", "hook", "--fit", halves[0], "--frame", "camera", "--store", library),
+        *("-o", tmp_path / "x.h5"),
+    )
+    assert refused.exit_code == 2
+    assert "frame of the demonstrations: camera" in refused.stderr
