@@ -101,3 +101,39 @@ def test_what_is_given_is_not_drawn() -> None:
 
 def test_a_small_motion_is_scattered_less() -> None:
     assert with_defaults(Scenario(), STARTS, 0.05).sampling.start_scatter == 0.005
+
+
+def test_all_that_is_drawn_is_independent() -> None:
+    unit = (0.55, 0.65)
+    box = {f"start_{axis}_range": unit for axis in "xyz"}
+    scenario = shelf(cup_x_range=unit, cup_y_range=unit, mass_range=unit, friction_range=unit, **box)
+    scenario = scenario.changed(scene=Shelf(width=2.0))
+    table = []
+    for episode in range(MANY):
+        one = drawn(scenario, episode, NONE)
+        assert one.cup is not None
+        assert one.cup.position is not None
+        assert one.start is not None
+        table.append([*one.cup.position, one.cup.mass, one.cup.friction, *one.start, one.seed / 2**63])
+    correlations = np.corrcoef(np.array(table).T) - np.eye(8)
+    # The correlation of n independent pairs has the standard deviation 1/√n.
+    assert np.abs(correlations).max() < 5 / np.sqrt(MANY)
+
+
+def test_one_range_more_changes_nothing_else() -> None:
+    fewer = drawn(shelf(cup_y_range=(-0.4, 0.4), friction_range=(0.2, 0.6)), 7, NONE).cup
+    more = drawn(
+        shelf(
+            cup_x_range=(0.55, 0.65),
+            cup_y_range=(-0.4, 0.4),
+            mass_range=(0.1, 0.5),
+            friction_range=(0.2, 0.6),
+        ),
+        7,
+        NONE,
+    ).cup
+    assert fewer is not None
+    assert more is not None
+    assert fewer.place[1] == more.place[1]
+    assert fewer.friction == more.friction
+    assert fewer.mass != more.mass
