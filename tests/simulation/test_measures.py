@@ -103,3 +103,25 @@ def test_ratios_are_to_the_real_arm_and_its_weakest_joint() -> None:
     assert figures.torque_ratio == 0.5
     assert figures.joint_margin == pytest.approx(0.25, abs=4 * EPS)
     assert (figures.ik_residual, figures.ik_failures) == (0.006, 1)
+
+
+def test_what_the_hand_does_after_the_grasp_is_no_error_of_the_skill() -> None:
+    hand = line(0.3, 0.1, 0.0, 0.001, 0.5, 0.6)
+    cups = np.tile([0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0], (6, 1))
+    cups[1:, 1] += 0.003  # pushed aside before the fingers close
+    cups[2:, 1] += 0.004  # and by them
+    cups[4:, 2] += 0.08
+    changed = {"phases": np.array([0, 0, 1, 1, 2, 3]), "cups": cups, "fingers": np.full((6, 2), 0.03)}
+    figures = measure(series_of(hand, **changed), PLAN, IIWA, tolerance=0.006)
+    assert figures.final_error == 0.001
+    assert figures.time_to_target == 2 * CONTROL_PERIOD
+    assert figures.cup_moved == pytest.approx(0.003, rel=8 * EPS)
+    assert figures.cup_rise == pytest.approx(0.08, rel=16 * EPS)
+    assert figures.grip_width == 0.06
+    assert np.isnan(figures.clearance)
+
+
+def test_the_smallest_clearance_counts_and_rows_without_one_do_not() -> None:
+    clearances = np.array([0.2, np.nan, -0.001, np.nan, 0.1])
+    figures = measure(series_of(line(0.3, 0.2, 0.1, 0.0, 0.0), clearances=clearances), PLAN, IIWA, 0.002)
+    assert figures.clearance == -0.001

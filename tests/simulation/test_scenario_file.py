@@ -134,6 +134,11 @@ def test_a_file_that_is_not_there_or_not_text_is_refused(tmp_path: Path) -> None
         read_scenario(file)
 
 
+def test_a_name_may_hold_any_character(tmp_path: Path) -> None:
+    scenario = Scenario(arm='a "quoted"\\path\t\x7f\x00\u2028.urdf')
+    assert read(tmp_path, to_toml(scenario)) == scenario
+
+
 def test_what_is_typed_comes_on_top_of_the_file(tmp_path: Path) -> None:
     scenario = read(tmp_path, FULL)
     push = {"kind": "push", "time": 2.0, "duration": 1.0, "force": (1.0, 0.0, 0.0)}
