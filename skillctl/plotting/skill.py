@@ -176,7 +176,7 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
     axes.plot(*(scale.factor * portrait.goals.T), **GOAL)
     low, high = scale.factor * portrait.low, scale.factor * portrait.high
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.1)
+    axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.05)
     axes.view_init(elev=22, azim=-60)
     axes.set_title("in perspective")
     for i, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
@@ -185,6 +185,10 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
         axis.set_label_text(label(portrait, i, scale), fontsize=8)
         axis.labelpad = -6
         axis.pane.set_visible(False)
+    # At the upper end of its axis, because beside it the label would leave the figure.
+    axes.zaxis.set_label_text("")
+    top = high[2] + 0.05 * (high[2] - low[2])
+    axes.text(high[0], high[1], top, label(portrait, 2, scale), fontsize=8, ha="center")
 
 
 def _courses(portrait: Portrait, scale: Scale) -> Figure:
