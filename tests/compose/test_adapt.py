@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.compose import NoCommonLyapunovError, adapt, merge, scaled_components
+from skillctl.compose import NoCommonLyapunovError, adapt, merge, most_helpful, scaled_components
 from skillctl.errors import FitError, UsageError
 from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace
 
@@ -110,6 +110,23 @@ def test_factors_reach_the_leaves_of_merged_parts(parts):
     given = np.concatenate([leaf.residual_covariances for leaf in nested.parts[0].leaves])
     spread = np.concatenate([leaf.residual_covariances for leaf in scaled.leaves])
     assert (spread == factors[:, None, None] ** 2 * given).all()  # of a velocity: with the factor squared
+
+
+def test_the_parts_that_move_most_along_with_a_task_are_kept(parts, make_skill):
+    several = [*parts, make_skill(np.random.default_rng(9), n_components=2, speed=50.0)]
+    weights = np.array([0.5, 0.1, 0.8, 0.0005])  # the last is the fastest, and moves least
+    task = shown(
+        lambda x: sum(w * moved(p).velocity(x) for w, p in zip(weights, several, strict=True)), STARTS, END
+    )
+    states = np.vstack([m.positions for m in task])
+    share = [w * np.linalg.norm(moved(p).velocity(states)) for w, p in zip(weights, several, strict=True)]
+    by_share = np.argsort(share)[::-1]
+    assert by_share[-1] == 3
+    assert np.argmax(np.divide(share, weights)) == 3
+    assert most_helpful(several, task, 4) == (0, 1, 2, 3)
+    assert most_helpful(several, task, 3) == (0, 1, 2)
+    assert most_helpful(several, task, 1) == (int(by_share[0]),)
+    assert most_helpful(several[:1], shown(lambda x: x - END, STARTS, END), 1) == ()
 
 
 def test_what_cannot_be_fitted_is_refused_in_a_sentence(parts, make_skill):
