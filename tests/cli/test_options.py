@@ -13,6 +13,7 @@ from skillctl.demonstrations.recording import Unit
 from skillctl.learning import METRICS, OBJECTIVES, PRESETS
 from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
 from skillctl.simulation import ARMS, HANDS, PLANES
+from skillctl.simulation.scenario import CONTROLS, SCENES
 from skillctl.usecases.follow import FIT_LEVELS
 from skillctl.usecases.verify_stability import Requirements
 
@@ -31,6 +32,8 @@ from skillctl.usecases.verify_stability import Requirements
         (options.Scope, get_args(get_type_hints(Requirements)["scope"])),
         (options.Plane, PLANES),
         (options.Hand, HANDS),
+        (scene.SceneKind, SCENES),
+        (scene.Control, CONTROLS),
     ],
 )
 def test_the_choices_are_those_of_the_rooms(spelt, defined):
