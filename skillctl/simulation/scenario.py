@@ -27,15 +27,14 @@ radians; positions are in the workspace frame, in which the arm's base stands at
 
 from __future__ import annotations
 
-import difflib
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
-from skillctl.errors import UsageError, printable
+from skillctl.errors import UsageError
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.ik import HAND_PITCH, HandPolicy
+from skillctl.simulation.scenario_errors import in_words
 
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Board: TypeAlias = Literal["top", "bottom"]
@@ -303,7 +302,7 @@ class Scenario(Part):
             try:
                 super().__init__(**values)
             except ValidationError as error:
-                raise UsageError(in_words(error)) from error
+                raise UsageError(in_words(error, KEYS)) from error
 
     @model_validator(mode="before")
     @classmethod
@@ -341,52 +340,5 @@ class Scenario(Part):
         return Scenario(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
 
 
-KINDS = {"shelf", "table", "push", "move-target", "displace"}  # pydantic's steps, not keys
-
-
-def in_words(error: ValidationError) -> str:
-    """Return the first thing that is wrong as one sentence: which key, what was expected, what it is."""
-    found = error.errors(include_url=False)
-    first = next((e for e in found if e["loc"][:2] != ("target", "literal['cup']")), found[0])
-    steps = [step for step in first["loc"] if step not in KINDS and "[" not in str(step)]
-    number = ""
-    if len(steps) > 1 and isinstance(steps[-1], int) and steps[-2] != "disturbances":
-        number = f"number {steps.pop() + 1} "  # type: ignore[operator]  # it is an int
-    key = printable(".".join(map(str, steps)))
-    if first["type"] == "value_error":  # ours, of a whole table: it names the key within it itself
-        return ".".join([*filter(None, [key]), str(first["ctx"]["error"])])
-    if first["type"] == "extra_forbidden":
-        return f"{key}: there is no such key.{_did_you_mean(str(steps[-1]))}"
-    if first["type"] == "missing":
-        return f"{key}: {number}is missing."
-    if key == "target" and isinstance(first["input"], str):
-        return f"target: must be cup, or numbers, got {_shown(first['input'])}."
-    given = "" if isinstance(first["input"], dict) else f", got {_shown(first['input'])}"
-    return f"{key}: {number}{_expected(first)}{given}."
-
-
-def _did_you_mean(key: str) -> str:
-    parts = (Scenario, Shelf, Table, Cup, Grasp, Push, MoveTarget, Displace, Sampling)
-    known = {name for part in parts for name in part.model_fields}
-    nearest = difflib.get_close_matches(key, sorted(known), n=1)
-    return f" Did you mean {nearest[0]}?" if nearest else ""
-
-
-def _expected(detail: ErrorDetails) -> str:
-    match detail["type"]:
-        case "union_tag_not_found" | "union_tag_invalid":
-            choices = detail["ctx"].get("expected_tags", "named by the key 'kind'")
-            return f"its kind must be {choices}".replace("must be named", "must be given, named")
-        case "model_type" | "model_attributes_type":
-            return "must be a table"
-        case "tuple_type":
-            return "must be a list of numbers"
-        case "too_short":
-            return "must have at least one number"
-        case "too_long":
-            return f"must have {detail['ctx']['max_length']} numbers"
-    return detail["msg"].replace("Input should be", "must be")
-
-
-def _shown(value: object) -> str:
-    return printable(repr(value))[:80]
+PARTS = (Scenario, Shelf, Table, Cup, Grasp, Push, MoveTarget, Displace, Sampling)
+KEYS = frozenset(name for part in PARTS for name in part.model_fields)
