@@ -11,8 +11,9 @@ from skillctl import compose
 from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace, rollout
 from skillctl.stability import certify
 from skillctl.usecases import follow as module
+from skillctl.usecases import task as task_module
 from skillctl.usecases.follow import PERIOD, RATE_SHARE, follow, slowed
-from skillctl.usecases.task import task_distances
+from skillctl.usecases.task import fit_to_task, task_distances
 
 STARTS = np.array([[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]])
 WRITTEN = 1 - 1e-3  # periods and rates are certified in few digits, rounded down
@@ -122,3 +123,21 @@ def test_merged_parts_are_fitted_down_to_their_leaves(parts):
     assert isinstance(found.parts[0], MergedSkill)
     assert mean_error(found, task) < 0.2 * mean_error(compose.merge(nested), task)
     assert certify(found).verdict == "stable"
+
+
+def test_the_search_begins_at_the_best_that_is_known_which_stays_slow_enough(parts, monkeypatch):
+    seen = []
+
+    def useless(members, shown, weights, *, level):
+        seen.append(weights / weights.sum())
+        return module.Followed(MergedSkill(members[:1], np.ones(1)), np.eye(3)[0])
+
+    monkeypatch.setattr(task_module, "follow", useless)
+    truth = compose.merge(parts, part_weights=[1, 6, 2])
+    quick = fit_to_task(parts, motions_of(truth, hurry=1e3), np.eye(2), target=(0.0, 0.0))
+    assert quick.choice == "weights per part"
+    assert seen[0] == pytest.approx(truth.part_weights, abs=0.05)
+    assert WRITTEN * PERIOD <= certify(quick.skill).period < 1.01 * PERIOD
+    alone = fit_to_task(parts, motions_of(parts[1]), np.eye(2), target=(0.0, 0.0))
+    assert seen[-1] == pytest.approx([0, 1, 0], abs=0.05)
+    assert 1 in alone.used
