@@ -89,13 +89,13 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
 
 def _cup(cup: Cup, sampling: Sampling, place: np.random.Generator, body: np.random.Generator) -> Cup:
     x, y = cup.place
+    position = _between(sampling.cup_x_range, x, place), _between(sampling.cup_y_range, y, place)
+    boards = sampling.boards or (cup.board,)
     return Cup(
         **{
             **cup.model_dump(),
-            "position": (
-                _between(sampling.cup_x_range, x, place),
-                _between(sampling.cup_y_range, y, place),
-            ),
+            "position": position,
+            "board": boards[int(place.random() * len(boards))],
             "mass": _between(sampling.mass_range, cup.mass, body),
             "friction": _between(sampling.friction_range, cup.friction, body),
             "radius": _between(sampling.radius_range, cup.radius, body),

@@ -202,6 +202,7 @@ class Sampling(Part):
 
     Attributes:
         cup_x_range, cup_y_range: Of the cup's place, [m].
+        boards: Boards of a shelf, each as likely as the next.
         start_x_range, start_y_range, start_z_range: Of the hand's start, [m]; all three or none.
         start_scatter: Instead of a range: starts are those of the demonstrations that the skill carries,
             one of them at random, and normally distributed around it with this standard deviation, [m].
@@ -210,6 +211,7 @@ class Sampling(Part):
 
     cup_x_range: Range | None = None
     cup_y_range: Range | None = None
+    boards: Annotated[tuple[Board, ...], Field(min_length=1)] | None = None
     start_x_range: Range | None = None
     start_y_range: Range | None = None
     start_z_range: Range | None = None

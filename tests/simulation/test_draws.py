@@ -137,3 +137,21 @@ def test_one_range_more_changes_nothing_else() -> None:
     assert fewer.place[1] == more.place[1]
     assert fewer.friction == more.friction
     assert fewer.mass != more.mass
+
+
+def test_a_board_is_drawn_from_those_named_each_as_likely_as_the_next() -> None:
+    scenario = shelf(cup_y_range=(-0.4, 0.4), boards=("bottom", "top"))
+    cups = [drawn(scenario, i, NONE).cup for i in range(MANY)]
+    on_top = [cup is not None and cup.board == "top" for cup in cups]
+    # A share of ½ has the standard deviation 1/(2 √n).
+    assert np.mean(on_top) == pytest.approx(0.5, abs=5 / (2 * np.sqrt(MANY)))
+    # Independent of the place, which is the same as without.
+    places = [cup.position[1] for cup in cups if cup is not None and cup.position is not None]
+    assert abs(np.corrcoef(places, on_top)[0, 1]) < 5 / np.sqrt(MANY)
+    plain = drawn(shelf(cup_y_range=(-0.4, 0.4)), 3, NONE).cup
+    assert plain is not None
+    assert plain.board == "top"
+    assert plain.position == cups[3].position  # type: ignore[union-attr]
+    only = drawn(shelf(cup_y_range=(-0.4, 0.4), boards=("bottom",)), 3, NONE).cup
+    assert only is not None
+    assert only.board == "bottom"
