@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -60,7 +61,7 @@ def describe(error: BaseException) -> Failure:
         return Failure(code, printable(str(error)), printable(error.hint))
     if isinstance(error, KeyboardInterrupt):
         stopped = "terminated" if isinstance(error, errors.Terminated) else "interrupted"
-        said = printable(str(error))  # by whoever knows what was done already
+        said = printable(str(error)) or _published()  # by whoever knows what was done already
         return Failure(code, f"{stopped}: {said}." if said else f"{stopped}.")
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
@@ -71,6 +72,14 @@ def describe(error: BaseException) -> Failure:
         printable(f"internal error ({kind}: {error})."),
         "This is a bug in skillctl. Repeat the command with --debug and report what it prints.",
     )
+
+
+def _published() -> str:
+    """Return what this process has published before it was interrupted, in words; nothing if nothing."""
+    registry = sys.modules.get("skillctl.store.registry")  # what was not imported has not published
+    versions: list[str] = registry.PUBLISHED if registry else []
+    verb = "was" if len(versions) == 1 else "were"
+    return f"{', '.join(versions)} {verb} published" if versions else ""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import difflib
 import errno
 import os
+import re
 import secrets
 import stat
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from skillctl.errors import NotFoundError, StoreError, printable
 from skillctl.store.errors import NotAnArtifactError
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
+STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that died
 
 
 def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
@@ -97,6 +100,7 @@ def write_file(path: Path, data: bytes) -> None:
                 f"{printable(str(path))} exists and is not a regular file.",
                 hint="Name a file that can be replaced.",
             )
+        _sweep_beside(path)
         temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
         try:
             with temporary.open("xb") as file:
@@ -108,6 +112,25 @@ def write_file(path: Path, data: bytes) -> None:
             with suppress(OSError):
                 temporary.unlink()
             raise
+
+
+def _sweep_beside(path: Path) -> None:
+    left_over = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}\.tmp")
+    with suppress(OSError):  # a directory that one may write to, but not list
+        directory = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            sweep(directory, lambda name: left_over.fullmatch(name) is not None)
+        finally:
+            os.close(directory)
+
+
+def sweep(directory: int, is_temporary: Callable[[str], bool]) -> None:
+    """Remove the temporary files that killed writers have left in a directory, given as a descriptor."""
+    for name in filter(is_temporary, os.listdir(directory)):
+        with suppress(OSError):  # somebody else's, or no file at all: it may stay
+            age = time.time() - os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime
+            if age > STALE_SECONDS:
+                os.unlink(name, dir_fd=directory)
 
 
 @contextmanager

@@ -5,12 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from skillctl.store.files import sweep
+
 FILE_MODE = 0o444  # a version never changes
-STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that died
 TEMPORARY_PREFIX = ".publishing-"
 
 # What a file system, or a kernel, without unnamed files answers.
@@ -30,11 +30,11 @@ def staged(directory: int, data: bytes) -> Iterator[Link]:
         directory: Open descriptor of the directory.
         data: Contents.
     """
+    sweep(directory, lambda name: name.startswith(TEMPORARY_PREFIX))
     unnamed = _open_unnamed(directory)
     if unnamed is not None:
         source, descriptor = f"/proc/self/fd/{unnamed}", unnamed
     else:
-        _sweep(directory)
         source = f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}"
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         descriptor = os.open(source, flags, 0o600, dir_fd=directory)
@@ -66,13 +66,3 @@ def _fill(descriptor: int, data: bytes) -> None:
         remaining = remaining[os.write(descriptor, remaining) :]
     os.fchmod(descriptor, FILE_MODE)
     os.fsync(descriptor)
-
-
-def _sweep(directory: int) -> None:
-    """Remove what writers that were killed have left behind."""
-    for name in os.listdir(directory):
-        if name.startswith(TEMPORARY_PREFIX):
-            with suppress(FileNotFoundError):
-                age = time.time() - os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime
-                if age > STALE_SECONDS:
-                    os.unlink(name, dir_fd=directory)

@@ -19,6 +19,8 @@ from skillctl.store.references import MAX_VERSION, is_name, parse_reference, req
 from skillctl.store.seal import read_header
 from skillctl.store.selection import select, unknown_alias
 
+PUBLISHED: list[str] = []  # by this process, for what it is told when it is interrupted later on
+
 
 @dataclass(frozen=True, slots=True)
 class StoredVersion:
@@ -125,35 +127,50 @@ class Registry:
             StoreError: No permission, no space.
             KeyboardInterrupt: Interrupted or terminated; its text says whether the version was published.
         """
+        require_name(name)
+        with self._telling(name, data):
+            stored = self._publish(name, data)
+            if stored.created:
+                PUBLISHED.append(f"{name}@{stored.version}")
+        return stored
+
+    def _publish(self, name: str, data: bytes) -> StoredVersion:
         from skillctl.store.reader import digest_of
 
-        require_name(name)
         digest = digest_of(data, f"the new version of {name}")
         with system_errors(f"publish {name} in {self.root}"), self._opened(name) as directory:
-            version = self._newest_with(digest, name, directory)
-            if version is not None:
-                return StoredVersion(name, version, self.path_of(name, version), digest, created=False)
-            with self._telling(digest, name, directory):
+            version, created = self._newest_with(digest, name, directory), False
+            if version is None:
                 with staged(directory, data) as link, locked(directory, shared=True):
                     version, created = self._link_next(link, digest, name, directory)
                 os.fsync(directory)
         return StoredVersion(name, version, self.path_of(name, version), digest, created)
 
     @contextmanager
-    def _telling(self, digest: str, name: str, directory: int) -> Iterator[None]:
+    def _telling(self, name: str, data: bytes) -> Iterator[None]:
         """Let an interrupt say whether it came before or after the version had its name.
 
         It may come between the link and the next line of Python, so only the directory knows.
         """
-        before = existing_versions(directory)
+        before = self._numbers_there(name)
         try:
             yield
         except KeyboardInterrupt as stop:
-            new = sorted(set(existing_versions(directory)) - set(before))
-            mine = [number for number in new if self._stated_digest(name, number) == digest]
-            told = f"{name}@{mine[0]} was published" if mine else f"nothing was published as {name}"
-            stop.args = (told,)
+            mine = [n for n in self._numbers_there(name) if n not in before and self._holds(name, n, data)]
+            stop.args = (f"{name}@{mine[0]} was published" if mine else f"nothing was published as {name}",)
             raise
+
+    def _numbers_there(self, name: str) -> tuple[int, ...]:
+        try:
+            return existing_versions(self.root / name)
+        except OSError:  # not there yet, or whoever publishes will be told why not
+            return ()
+
+    def _holds(self, name: str, version: int, data: bytes) -> bool:
+        try:
+            return read_once(self.path_of(name, version)) == data
+        except (ArtifactError, NotFoundError, StoreError):
+            return False
 
     def aliases(self, name: str) -> dict[str, int]:
         """Return the version of each alias of a skill, by alias.

@@ -9,7 +9,9 @@ import sys
 import pytest
 
 from skillctl import store
+from skillctl.cli.errors import describe
 from skillctl.errors import Terminated
+from skillctl.store import registry
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +33,8 @@ def versions(make_seds, wrap):
 def test_an_interrupt_says_whether_the_version_was_published(
     tmp_path, versions, monkeypatch, step, after, told, stop
 ):
-    registry = store.Registry(tmp_path)
-    registry.publish("reach", versions[0])
+    there = store.Registry(tmp_path)
+    there.publish("reach", versions[0])
     real, linked = getattr(os, step), []
     real_link = os.link
 
@@ -52,11 +54,11 @@ def test_an_interrupt_says_whether_the_version_was_published(
         monkeypatch.setattr(os, "link", link)
     monkeypatch.setattr(os, step, interrupted)
     with pytest.raises(stop) as caught:
-        registry.publish("reach", versions[1])
+        there.publish("reach", versions[1])
     assert str(caught.value) == told
-    there = (1, 2) if "was published" in told and "nothing" not in told else (1,)
-    assert registry.versions("reach") == there
-    assert len(list((tmp_path / "reach").iterdir())) == len(there)  # nothing half, nothing left
+    numbers = (1, 2) if "was published" in told and "nothing" not in told else (1,)
+    assert there.versions("reach") == numbers
+    assert len(list((tmp_path / "reach").iterdir())) == len(numbers)  # nothing half, nothing left
 
 
 SIGNALLED = """
@@ -73,6 +75,17 @@ sys.argv = ["skillctl", "combine", sys.argv[4], sys.argv[5], "--name", "both", "
 from skillctl.__main__ import main
 main()
 """
+
+
+def test_a_command_that_is_interrupted_after_it_has_published_says_so(tmp_path, versions, monkeypatch):
+    monkeypatch.setattr(registry, "PUBLISHED", [])
+    assert describe(KeyboardInterrupt()).message == "interrupted."
+    there = store.Registry(tmp_path)
+    there.publish("reach", versions[0])
+    there.publish("reach", versions[0])  # the same again is no new version
+    assert describe(KeyboardInterrupt()).message == "interrupted: reach@1 was published."
+    there.publish("reach", versions[1])
+    assert describe(Terminated()).message == "terminated: reach@1, reach@2 were published."
 
 
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])

@@ -8,7 +8,7 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError, NotFoundError, StoreError, UsageError
-from skillctl.store import errors, publishing
+from skillctl.store import errors, files, publishing
 
 
 @pytest.fixture(scope="module")
@@ -328,16 +328,34 @@ def test_a_full_skill_is_said(registry, versions):
         registry.publish("reach", versions[1])
 
 
-def test_what_killed_writers_left_is_swept_but_not_what_others_are_writing(tmp_path, versions, monkeypatch):
-    monkeypatch.setattr(publishing, "_open_unnamed", lambda _: None)
-    registry = store.Registry(tmp_path / "skills")
+def test_what_killed_writers_left_is_swept_but_not_what_others_are_writing(registry, versions):
     directory = registry.publish("reach", versions[0]).path.parent
-    for name, age in {"old": 2 * publishing.STALE_SECONDS, "new": 0}.items():
-        (path := directory / f"{publishing.TEMPORARY_PREFIX}{name}").touch()
+    for name, age in {"old": 2 * files.STALE_SECONDS, "new": 0}.items():
+        (path := directory / f".publishing-{name}").touch()
         os.utime(path, (path.stat().st_mtime - age,) * 2)
     registry.publish("reach", versions[1])
-    left = [path.name for path in directory.iterdir() if path.name.startswith(publishing.TEMPORARY_PREFIX)]
-    assert left == [f"{publishing.TEMPORARY_PREFIX}new"]
+    assert sorted(path.name for path in directory.glob(".publishing-*")) == [".publishing-new"]
+
+
+def test_what_a_killed_tag_left_is_swept_by_the_next(registry, versions):
+    directory = registry.publish("reach", versions[0]).path.parent
+    for name, age in {"0123abcd": 2 * files.STALE_SECONDS, "dcba3210": 0}.items():
+        (path := directory / f".refs.toml.{name}.tmp").touch()
+        os.utime(path, (path.stat().st_mtime - age,) * 2)
+    registry.tag("reach", 1, "release")
+    assert [path.name for path in directory.glob(".refs*")] == [".refs.toml.dcba3210.tmp"]
+
+
+def test_what_cannot_be_swept_stays_and_hinders_nobody(registry, versions, tmp_path):
+    directory = registry.publish("reach", versions[0]).path.parent
+    (target := tmp_path / "target").write_text("precious")
+    (directory / ".publishing-directory").mkdir()
+    (directory / ".publishing-link").symlink_to(target)
+    for path in directory.glob(".publishing-*"):
+        os.utime(path, (0, 0), follow_symlinks=False)
+    assert registry.publish("reach", versions[1]).version == 2
+    assert [path.name for path in directory.glob(".publishing-*")] == [".publishing-directory"]
+    assert target.read_text() == "precious"
 
 
 # Which store

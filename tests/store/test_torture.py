@@ -1,0 +1,28 @@
+"""Short runs of the commands in tests/torture; the long ones are for a person to start."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+TORTURE = Path(__file__).parents[1] / "torture"
+
+
+def command(name: str, *arguments: object, folder: Path) -> str:
+    run = subprocess.run(
+        [sys.executable, TORTURE / f"{name}.py", *map(str, arguments)],
+        cwd=folder, capture_output=True, text=True, check=False, timeout=280,
+    )  # fmt: skip
+    assert (run.returncode, run.stderr) == (0, ""), run.stdout[-2000:] + run.stderr[-4000:]
+    return run.stdout
+
+
+def test_no_spoiled_artifact_crashes_hangs_or_is_silently_read_as_another(tmp_path):
+    said = command("fuzz", "--count", 3200, "--seed", 1, "--save", tmp_path, folder=tmp_path)
+    row = re.search(r"^all +(\d+) +(\d+) +(\d+) +(\d+)$", said, re.MULTILINE)
+    refused, same, another, unchanged = map(int, row.groups())
+    assert refused + same + another > 2900
+    assert another > 50  # sealed again: what lies behind the seal was reached
+    assert unchanged < 300
+    assert "0 broke a rule" in said
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,160 @@
+"""Stop an operation on a store before each line of its program."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from leftovers import Finding, Ledger, require_clean, require_sweepable
+from processes import Tell, content, finished, forked, without_unnamed_files
+
+from skillctl import store
+from skillctl.errors import Terminated
+
+# Where the store is written.
+TRACED = ("registry.py", "publishing.py", "numbering.py", "aliases.py", "files.py")
+
+# What an operation prepares, and then does.
+Operation = Callable[[store.Registry, Tell], Callable[[], None]]
+
+
+def publish(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    data = content("lines", 0)
+    tell(f"publishing {store.digest_of(data)}")
+
+    def act() -> None:
+        made = registry.publish("reach", data)
+        sys.settrace(None)
+        tell(f"published {made.version} {made.digest}")
+
+    return act
+
+
+def publish_named(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    without_unnamed_files()
+    return publish(registry, tell)
+
+
+def publish_first(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    """Publish into a store that is not there yet."""
+    data = content("lines", 0)
+    tell(f"publishing {store.digest_of(data)}")
+    return lambda: store.Registry(registry.root / "deeper" / "skills").publish("reach", data) and None
+
+
+def tag(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    tell("tagging release 3")
+    return lambda: registry.tag("reach", 3, "release") and None
+
+
+def untag(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    tell("tagging release 0")
+    return lambda: registry.untag("reach", "release") and None
+
+
+def remove_newest(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    tell("removing 3")
+    return lambda: registry.remove("reach", [3]) and None
+
+
+def remove_tagged(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+    tell("removing 2")
+    return lambda: registry.remove("reach", [2]) and None
+
+
+PUBLISHING: tuple[Operation, ...] = (publish, publish_named, publish_first)
+OPERATIONS: tuple[Operation, ...] = (*PUBLISHING, tag, untag, remove_newest, remove_tagged)
+
+
+def prepared(folder: Path, root: Path) -> tuple[store.Registry, Ledger]:
+    """Return a store of three versions, the second of them tagged."""
+    registry, ledger = store.Registry(folder / "prepared"), Ledger()
+    if not registry.names():
+        for index in range(3):
+            registry.publish("reach", content("prepared", index))
+        registry.tag("reach", 2, "release")
+    shutil.copytree(registry.root, root)
+    ledger.see(root)
+    ledger.read(["tagged release 2"])
+    return store.Registry(root), ledger
+
+
+def before_line(number: int, act: Callable[[], None]) -> None:
+    """Call ``act`` before the ``number``-th line from now of the store's program."""
+    lines = 0
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal lines
+        path = Path(frame.f_code.co_filename)
+        if path.name not in TRACED or path.parent.name != "store":
+            return None
+        if event == "line":
+            lines += 1
+            if lines == number:
+                sys.settrace(None)
+                act()
+        return trace
+
+    sys.settrace(trace)
+
+
+def struck(operation: Operation, registry: store.Registry, line: int, number: int, tell: Tell) -> None:
+    """Do an operation, and send this process a signal before one of its lines."""
+
+    def terminate(*_: object) -> None:
+        raise Terminated
+
+    signal.signal(signal.SIGTERM, terminate)
+    act = operation(registry, tell)
+    before_line(line, lambda: os.kill(os.getpid(), number))
+    act()
+    sys.settrace(None)
+
+
+def every_line(folder: Path, number: int, stride: int) -> Counter[str]:
+    """Stop each operation before each line (or each stride-th) until it gets through; return how often."""
+    seen = Counter[str]()
+    for operation in OPERATIONS:
+        line = 1
+        while stopped(folder, operation, line, number, seen):
+            line += stride
+    return seen
+
+
+def stopped(folder: Path, operation: Operation, line: int, number: int, seen: Counter[str]) -> bool:
+    """Do an operation in a new store, stop it before a line, look around; return False if it ended."""
+    where = f"{operation.__name__}, line {line}"
+    registry, ledger = prepared(folder, root := folder / where)
+    code, lines = finished(*forked(partial(struck, operation, registry, line, number)))
+    if code not in (0, 130, -signal.SIGKILL):
+        raise Finding(f"{where}: ended with {code}: {lines}")
+    ledger.read(lines)
+    seen["temporaries left"] += require_clean(root, ledger, where)
+    if code == 130 and operation in PUBLISHING:
+        require_told(lines, root, where)
+    if code == 130 and any(root.rglob(".publishing-*")):
+        seen["temporaries left by an interrupt"] += 1
+    require_sweepable(root, ledger, content("survivor", line), where)
+    seen[operation.__name__] += code != 0
+    return code != 0
+
+
+def require_told(lines: list[str], root: Path, where: str) -> None:
+    """An interrupted command says whether the version was published; if it says nothing, it was not."""
+    told = lines[-1]
+    found = [store.digest_of(path.read_bytes()) for path in root.rglob("*.h5")]
+    published = lines[0].split()[1] in found
+    if published != told.endswith("@4 was published.") and not (
+        published and "reach@1 was published." in told
+    ):
+        raise Finding(
+            f"{where}: it was {'' if published else 'not '}published, but the command said {told!r}"
+        )
