@@ -109,6 +109,18 @@ def test_parts_of_a_shorter_period_keep_theirs(parts):
         assert certify(follow(fast, task, np.ones(3), level=level).skill).period >= WRITTEN * own
 
 
+def test_no_component_may_move_so_fast_that_its_steps_do_not_contract(parts):
+    mixture = module._Mixture.of(tuple(parts), np.ones(3), "component")
+    low, high = mixture.bounds(0.3 * mixture.periods.max())
+    tight = mixture.periods < 0.3 * mixture.periods.max()
+    assert tight.any()
+    assert (high[~tight] > 1).all()
+    assert high[tight] == pytest.approx(1.0, abs=2e-4)  # slower, and never faster than as it is
+    contracting = np.minimum(5.0, mixture.periods / (0.3 * mixture.periods.max()))
+    assert high[~tight] == pytest.approx(np.maximum(contracting, 1.0001)[~tight], rel=1e-12)
+    assert (low < 1).all()
+
+
 def test_a_merger_that_is_too_fast_for_the_controller_is_slowed_and_no_other(parts):
     merged = compose.merge(parts)
     assert slowed(merged).speed == merged.speed
