@@ -72,7 +72,9 @@ def _estimates(part: SedsSkill | MergedSkill, speed: float) -> tuple[FloatArray,
     matrices = speed * part.component_matrices
     size = float(np.abs(matrices).max())
     try:
-        return decay_rates(part.lyapunov, matrices), contraction_periods(part.lyapunov, matrices), size
+        with np.errstate(all="ignore"):  # near the limits of float64 they may be infinite, or no numbers
+            rates = decay_rates(part.lyapunov, matrices)
+            return rates, contraction_periods(part.lyapunov, matrices), size
     except np.linalg.LinAlgError:  # P or a matrix is singular to working precision
         unknown = np.full(len(matrices), np.nan)
         return unknown, unknown, size
