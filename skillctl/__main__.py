@@ -12,10 +12,6 @@ import warnings
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import Terminated
 
-# The matrices of a skill are tiny: more BLAS threads only cost time, and one thread gives every machine the
-# same sums. The variables count only if they are set before NumPy is imported.
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-
 
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
@@ -23,8 +19,9 @@ def main() -> None:
     if sys.argv[1:] == ["--version"]:
         _print_version()
         return
-    for variable in THREAD_VARIABLES:
-        os.environ[variable] = "1"
+    from skillctl.workers.threads import one_by_environment  # late: --version needs the version only
+
+    one_by_environment()
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # to look for them takes longer than to check a file
     atexit.register(gc.freeze)  # the last collection of what dies anyway took a quarter of a command's time
     if not sys.warnoptions and "--debug" not in sys.argv:

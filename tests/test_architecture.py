@@ -13,6 +13,7 @@ import skillctl
 
 PACKAGE = Path(skillctl.__file__).parent
 LEAVES = {"errors", "arrays"}
+TOOLS = {"workers"}  # how work is done, whatever it is
 SIBLINGS = {
     "learning",
     "compose",
@@ -32,12 +33,13 @@ ONLY_IN = {
     "pybullet": {"simulation"},
     "pybullet_data": {"simulation"},
     "h5py": {"store", "demonstrations", "simulation"},
-    "pydantic": {"store", "simulation"},
+    "pydantic": {"store", "simulation", "usecases"},
     "typer": {"cli"},
     "rich": {"cli"},
     "PIL": {"simulation", "plotting"},
     "matplotlib": {"plotting"},
     "av": {"simulation"},
+    "distributed": {"workers"},
     "click": set(),
 }
 
@@ -66,11 +68,13 @@ def allowed_rooms(room: str) -> set[str]:
         return LEAVES
     if room == "model":
         return LEAVES
+    if room in TOOLS:
+        return LEAVES
     if room in SIBLINGS:
-        return LEAVES | {"model"}
+        return LEAVES | TOOLS | {"model"}
     if room == "usecases":
-        return LEAVES | {"model"} | SIBLINGS
-    return LEAVES | {"model", "usecases", "cli"} | SIBLINGS  # cli, __init__, __main__
+        return LEAVES | TOOLS | {"model"} | SIBLINGS
+    return LEAVES | TOOLS | {"model", "usecases", "cli"} | SIBLINGS  # cli, __init__, __main__
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))

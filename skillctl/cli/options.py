@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 INPUT = "Reading the demonstrations"
 MOTION = "The motion"
 RESULT = "The result"
+WORK = "Who does the work"
 
 T = TypeVar("T")
 
@@ -32,6 +33,7 @@ ARMS = ("panda", "iiwa", "xarm6")
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Hand: TypeAlias = Literal["horizontal", "down", "free"]
 ColourBy: TypeAlias = Literal["outcome", "part"]
+BackendName: TypeAlias = Literal["processes", "dask"]
 
 
 # Classes of their own, because Typer reads tuple[float, ...] as "takes two arguments".
@@ -187,5 +189,26 @@ Target = Annotated[
         metavar="X,Y,Z",
         help="Where the motion shall end, in the unit of the skill.",
         rich_help_panel=MOTION,
+    ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs", "-j", metavar="N", help="Processes; changes no result. Default: 1.", rich_help_panel=WORK
+    ),
+]
+Backend = Annotated[
+    BackendName,
+    typer.Option(
+        help="processes: of this machine; dask: a cluster. (Needs: pip install 'skillctl[cluster]'.)",
+        rich_help_panel=WORK,
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Of the cluster, as `dask scheduler` says it. Its workers see the same directory as we do.",
+        rich_help_panel=WORK,
     ),
 ]

@@ -107,12 +107,9 @@ def simulate(
             rich_help_panel=BATCH,
         ),
     ] = None,
-    jobs: Annotated[
-        int,
-        typer.Option(
-            "--jobs", "-j", metavar="J", help="Processes; changes no result.", rich_help_panel=BATCH
-        ),
-    ] = 1,
+    jobs: options.Jobs = None,
+    backend: options.Backend = "processes",
+    scheduler: options.Scheduler = None,
     min_success: Annotated[
         float,
         typer.Option(
@@ -147,6 +144,7 @@ def simulate(
     from skillctl.usecases.scenario import scenario_of, scenario_text
     from skillctl.usecases.simulate import simulate as simulate_skill
     from skillctl.usecases.simulate_many import simulate_many
+    from skillctl.workers import Workers
 
     output: Output = context.obj
     chosen = scenario_of(
@@ -191,7 +189,7 @@ def simulate(
             batch = simulate_many(
                 skill,
                 chosen,
-                jobs=jobs,
+                workers=Workers.chosen(jobs, backend, scheduler),
                 min_success=min_success,
                 table=table,
                 overview=overview,

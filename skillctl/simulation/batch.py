@@ -15,7 +15,7 @@ from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Plane, Scenario
-from skillctl.simulation.workers import WorkerDied, run_in_processes
+from skillctl.workers import WorkerDied, Workers
 
 PATH_SPACING = 4e-3  # [m]: as fine as an overview can show
 
@@ -75,36 +75,46 @@ class Row:
 
 
 def run_batch(
-    skill: Skill, scenario: Scenario, starts: FloatArray, *, jobs: int = 1, progress: Progress | None = None
+    skill: Skill,
+    scenario: Scenario,
+    starts: FloatArray,
+    *,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Row, ...]:
-    """Return the episodes of a scenario in their order. Neither it nor ``jobs`` changes any of them.
+    """Return the episodes of a scenario in their order. Neither it nor who does the work changes any of them.
 
     Args:
         skill: What is run.
         scenario: How often, and what is drawn (see ``drawn``).
         starts: Where the demonstrations of the skill start, shape (n, d).
-        jobs: Number of processes. They are always others than this one, and start by importing the program
-            that runs: a script that calls this needs ``if __name__ == "__main__":``.
+        workers: Processes, or a cluster; one process by default. They are always others than this one, and
+            start by importing the program that runs: a script that calls this needs
+            ``if __name__ == "__main__":``.
         progress: Called before the first and after every episode.
 
     Raises:
         NotFoundError, UsageError: As of one episode: they hold for all.
     """
-    count = scenario.episodes
-    rows: dict[int, Row] = {}
+    count, finished, successes = scenario.episodes, 0, 0
     if progress is not None:
         progress(0, count, 0)
-    episodes = run_in_processes(partial(run_row, skill, scenario, starts), list(range(count)), jobs)
-    for index, row in episodes:
-        if isinstance(row, WorkerDied):
-            rows[index] = Row(
-                index, drawn(scenario, index, starts), "crashed", "its process died", None, None
-            )
-        else:
-            rows[index] = row
+
+    def done(_: int, row: Row | WorkerDied) -> None:
+        nonlocal finished, successes
+        finished += 1
+        successes += isinstance(row, Row) and row.success
         if progress is not None:
-            progress(len(rows), count, sum(row.success for row in rows.values()))
-    return tuple(rows[index] for index in range(count))
+            progress(finished, count, successes)
+
+    task = partial(run_row, skill, scenario, starts)
+    rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
+    return tuple(
+        row
+        if isinstance(row, Row)
+        else Row(index, drawn(scenario, index, starts), "crashed", "its process died", None, None)
+        for index, row in enumerate(rows)
+    )
 
 
 def run_row(skill: Skill, scenario: Scenario, starts: FloatArray, index: int) -> Row:

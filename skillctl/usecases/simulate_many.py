@@ -21,6 +21,7 @@ from skillctl.usecases.drawing import batch_of
 from skillctl.usecases.files import Source, open_skill
 from skillctl.usecases.progress import Progress
 from skillctl.usecases.simulate import proof_notes, require_directories
+from skillctl.workers import Workers
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def simulate_many(
     reference: str | Path,
     scenario: Scenario,
     *,
-    jobs: int = 1,
+    workers: Workers | None = None,
     min_success: float = 1.0,
     table: Path | None = None,
     overview: Path | None = None,
@@ -95,13 +96,13 @@ def simulate_many(
     lock: Lock | None = None,
     progress: Progress | None = None,
 ) -> SimulateManyReport:
-    """Run the episodes of a scenario; the same ones whatever ``jobs`` is.
+    """Run the episodes of a scenario; the same ones whoever does the work.
 
     Args:
         reference: The skill.
         scenario: How many episodes, and what differs between them. If it does not say what: the place of
             the cup on its board, and the starts of the skill's demonstrations, scattered.
-        jobs: Number of processes.
+        workers: Processes, or a cluster; by default one process.
         min_success: Share of successes that is enough.
         table: Write one row per episode there, as CSV.
         overview: Write all of them in one picture there, as PNG.
@@ -113,11 +114,9 @@ def simulate_many(
 
     Raises:
         NotFoundError: No such skill, or PyBullet is not installed.
-        UsageError: Jobs below one, a share outside 0 to 1, or what makes no sense for this skill.
+        UsageError: A share outside 0 to 1, or what makes no sense for this skill.
         GoalNotReachedError: There is nothing to see in an overview.
     """
-    if jobs < 1:
-        raise UsageError(f"jobs: must be at least 1, got {jobs}.")
     if not 0 <= min_success <= 1:
         raise UsageError(f"min-success: a share from 0 to 1, as in 0.9; got {min_success:g}.")
     source = open_skill(reference, store, lock)
@@ -126,7 +125,7 @@ def simulate_many(
     began = time.perf_counter()
     batch, starts = batch_of(source, scenario)
     said = None if progress is None else partial(_say, progress, began)
-    rows = run_batch(source.skill, batch, starts, jobs=jobs, progress=said)
+    rows = run_batch(source.skill, batch, starts, workers=workers, progress=said)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
     if table is not None:
         write_file(table, encode_rows(rows))

@@ -16,7 +16,7 @@ import sys
 
 import pytest
 
-from skillctl.__main__ import THREAD_VARIABLES
+from skillctl.workers.threads import THREAD_VARIABLES
 
 REPEATS = 11
 

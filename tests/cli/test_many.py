@@ -10,8 +10,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from PIL import Image
 
-from skillctl.simulation import batch
-from skillctl.simulation.workers import WorkerDied
+from skillctl.workers import WorkerDied, processes
 
 SHORT = ("--max-duration", "0.1", "--hand", "free")
 
@@ -60,7 +59,7 @@ def test_a_crashed_episode_is_one_failure(run, library: Path, monkeypatch: pytes
         yield items[1], WorkerDied()
         yield items[0], task(items[0])
 
-    monkeypatch.setattr(batch, "run_in_processes", with_a_crash)
+    monkeypatch.setattr(processes, "run_in_processes", with_a_crash)
     result = run("simulate", "reach", "--episodes", 2, "--store", library, *SHORT, "--json")
     assert result.exit_code == 1
     report = json.loads(result.stdout)

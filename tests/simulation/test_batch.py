@@ -18,6 +18,7 @@ from skillctl.simulation import Scenario, simulate
 from skillctl.simulation.batch import BATCH_OUTCOMES, Row, run_batch, run_row
 from skillctl.simulation.overview import FAILURE, PARTS, SUCCESS, encode_overview
 from skillctl.simulation.tally import encode_rows, failures, medians
+from skillctl.workers import Workers
 
 # One start is out of reach, one within: both kinds of row come up among few episodes.
 STARTS = np.array([[0.45, 0.0, 0.50], [1.50, 0.0, 0.50]])
@@ -36,7 +37,7 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="module")
 def rows(skill: SedsSkill, scenario: Scenario) -> tuple[Row, ...]:
-    return run_batch(skill, scenario, STARTS, jobs=2)
+    return run_batch(skill, scenario, STARTS, workers=Workers(2))
 
 
 def test_neither_the_number_of_processes_nor_the_order_changes_an_episode(

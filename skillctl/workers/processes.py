@@ -7,24 +7,22 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing.process import BaseProcess
-from typing import TypeVar
+from typing import Any
 
-T = TypeVar("T")
-
-
-class WorkerDied:
-    """What takes the place of a result whose process ended without one: a crash in C, or a kill."""
+from skillctl.workers import Item, Result, WorkerDied
+from skillctl.workers.threads import one_by_environment, with_one_thread
 
 
 def run_in_processes(
-    task: Callable[[int], T], items: list[int], jobs: int
-) -> Generator[tuple[int, T | WorkerDied], None, None]:
-    """Yield (item, task(item)) for every item, in the order in which they are done.
+    task: Callable[[Item], Result], items: Sequence[Item], jobs: int
+) -> Generator[tuple[int, Result | WorkerDied], None, None]:
+    """Yield (position, task(item)) for every item, in the order in which they are done.
 
     A dying process takes its pool with it. Whatever was running then is run again, one item in a process
     of its own at a time: what dies there, too, has died by itself. Closing the generator, or an exception
@@ -33,35 +31,37 @@ def run_in_processes(
     Args:
         task: Picklable; the same item must give the same result in any process.
         items: What to call it with.
-        jobs: How many processes.
+        jobs: How many processes. They start by importing the program that runs: a script that calls this
+            needs ``if __name__ == "__main__":``.
 
     Raises:
         Whatever ``task`` raises, for the first item that is noticed.
     """
-    waiting = deque(items)
+    alone = partial(with_one_thread, task)
+    waiting = deque(enumerate(items))
     while waiting:
-        for item in (yield from _run_until_a_death(task, waiting, jobs)):
-            if (yield from _run_until_a_death(task, deque([item]), 1)):
-                yield item, WorkerDied()
+        for numbered in (yield from _run_until_a_death(alone, waiting, jobs)):
+            if (yield from _run_until_a_death(alone, deque([numbered]), 1)):
+                yield numbered[0], WorkerDied()
 
 
 def _run_until_a_death(
-    task: Callable[[int], T], waiting: deque[int], jobs: int
-) -> Generator[tuple[int, T | WorkerDied], None, list[int]]:
-    """Consume ``waiting`` and yield results; return the items that were running when a process died."""
+    task: Callable[[Item], Result], waiting: deque[tuple[int, Item]], jobs: int
+) -> Generator[tuple[int, Result | WorkerDied], None, list[tuple[int, Item]]]:
+    """Consume ``waiting`` and yield results; return what was running when a process died."""
     with _pool(jobs) as executor:
-        running: dict[Future[T], int] = {}
+        running: dict[Future[Result], tuple[int, Item]] = {}
         while waiting or running:
             try:
                 while waiting and len(running) < jobs:
-                    future = _submit(executor, task, waiting[0])
+                    future = _submit(executor, task, waiting[0][1])
                     running[future] = waiting.popleft()
             except BrokenProcessPool:  # died idle, or we notice it here first
-                return sorted(running.values())
+                return list(running.values())
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 if isinstance(future.exception(), BrokenProcessPool):
-                    return sorted(running.values())
-                yield running.pop(future), future.result()
+                    return list(running.values())
+                yield running.pop(future)[0], future.result()
     return []
 
 
@@ -71,7 +71,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     others = set(multiprocessing.active_children())
     # Forked processes would share Bullet's and BLAS's state with ours; spawned ones begin anew.
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
+    executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
     try:
         yield executor
     except BaseException:
@@ -82,7 +82,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
         executor.shutdown(cancel_futures=True)
 
 
-def _submit(executor: ProcessPoolExecutor, task: Callable[[int], T], item: int) -> Future[T]:
+def _submit(executor: ProcessPoolExecutor, task: Callable[[Any], Result], item: Any) -> Future[Result]:
     """Submit with Ctrl-C held back: a process started now inherits that, and it is ours to answer it."""
     if not hasattr(signal, "pthread_sigmask"):
         return executor.submit(task, item)
@@ -93,8 +93,9 @@ def _submit(executor: ProcessPoolExecutor, task: Callable[[int], T], item: int) 
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with_parent() -> None:
+def _begin() -> None:
     """Watch, in a worker, for the end of the process that started it: a killed parent leaves no orphans."""
+    one_by_environment()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()

@@ -13,7 +13,8 @@ from types import ModuleType
 
 import pytest
 
-from skillctl.simulation.workers import WorkerDied, run_in_processes
+from skillctl.workers import WorkerDied
+from skillctl.workers.processes import run_in_processes
 
 TASKS = """
 import os, signal, time
@@ -44,7 +45,7 @@ def sleeps(item):
 BATCH = """
 import sys
 from pathlib import Path
-from skillctl.simulation.workers import run_in_processes
+from skillctl.workers.processes import run_in_processes
 import worker_tasks
 
 if __name__ == "__main__":
@@ -71,7 +72,7 @@ def _forget_tasks() -> object:
 
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_every_item_is_done_once_whatever_the_number_of_processes(tasks: ModuleType, jobs: int) -> None:
-    assert sorted(run_in_processes(tasks.square, [4, 0, 2], jobs)) == [(0, 0), (2, 4), (4, 16)]
+    assert sorted(run_in_processes(tasks.square, [4, 0, 2], jobs)) == [(0, 16), (1, 0), (2, 4)]
 
 
 def test_a_crash_costs_its_own_item_only(tasks: ModuleType) -> None:

@@ -1,0 +1,102 @@
+"""Who does the work on many items: this process, others, or a cluster. None of them changes a result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, TypeVar
+
+from skillctl.errors import UsageError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+Backend: TypeAlias = Literal["processes", "dask"]
+
+
+class WorkerDied:
+    """What takes the place of a result whose process ended without one: a crash in C, or a kill."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the work.
+
+    Attributes:
+        jobs: Number of processes of this machine.
+        scheduler: Address of a Dask scheduler, whose workers are used instead.
+    """
+
+    jobs: int = 1
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.jobs < 1:
+            raise UsageError(f"jobs: must be at least 1, got {self.jobs}.")
+
+    @classmethod
+    def chosen(cls, jobs: int | None, backend: Backend, scheduler: str | None) -> Workers:
+        """Return the workers that options name.
+
+        Raises:
+            UsageError: The options contradict each other.
+        """
+        if backend == "dask":
+            if not scheduler:
+                raise UsageError(
+                    "--backend dask needs the address of a scheduler.",
+                    hint="Add --scheduler tcp://HOST:8786; `dask scheduler` starts one and says its address.",
+                )
+            if jobs is not None:
+                raise UsageError(
+                    "--jobs counts processes of this machine; a cluster has as many workers as it has.",
+                    hint="Leave out --jobs.",
+                )
+            return cls(scheduler=scheduler)
+        if scheduler is not None:
+            raise UsageError("--scheduler is about a cluster.", hint="Add --backend dask.")
+        return cls(1 if jobs is None else jobs)
+
+    def run(
+        self,
+        task: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        done: Callable[[int, Result | WorkerDied], None] | None = None,
+        isolated: bool = False,
+    ) -> list[Result | WorkerDied]:
+        """Return task(item) for every item, in their order. One whose process dies costs itself only.
+
+        Args:
+            task: Picklable; the same item must give the same result in any process. It has one thread for
+                linear algebra.
+            items: What to call it with, picklable.
+            done: Called with (position, result) as soon as each is there; that is in no certain order.
+            isolated: Use processes of their own even for one job, because the task may crash.
+
+        Raises:
+            NotFoundError: There is no such cluster, or what it takes is not installed.
+            StoreError: The cluster was lost, or works elsewhere or with other versions.
+            Whatever ``task`` raises, for the first item that is noticed.
+        """
+        results: dict[int, Result | WorkerDied] = {}
+        with closing(self._stream(task, items, isolated)) as stream:  # an exception ends all processes
+            for position, result in stream:
+                results[position] = result
+                if done is not None:
+                    done(position, result)
+        return [results[position] for position in range(len(items))]
+
+    def _stream(
+        self, task: Callable[[Item], Result], items: Sequence[Item], isolated: bool
+    ) -> Generator[tuple[int, Result | WorkerDied], None, None]:
+        if self.scheduler is not None:
+            from skillctl.workers.cluster import run_on_cluster
+
+            return run_on_cluster(task, items, self.scheduler)
+        if self.jobs > 1 or isolated:
+            from skillctl.workers.processes import run_in_processes  # late: most commands run one thing
+
+            return run_in_processes(task, items, min(self.jobs, max(len(items), 1)))
+        return ((position, task(item)) for position, item in enumerate(items))
