@@ -9,7 +9,6 @@ import pytest
 
 from skillctl.demonstrations import reaching, read_demonstrations, write_csv
 from skillctl.demonstrations.reaching import (
-    COUNT,
     LOW_STARTS,
     PLACES,
     STARTS,
@@ -21,17 +20,7 @@ from skillctl.demonstrations.reaching import (
 from skillctl.errors import StoreError, UsageError
 from skillctl.model import Demonstration
 
-COMMITTED = Path(__file__).parents[2] / "skills" / "demonstrations"
 ROUNDING = 1e-5  # positions are rounded to 10 µm
-
-
-@pytest.mark.parametrize("place", TASKS)
-def test_the_committed_files_are_regenerated_to_the_byte(place: str, tmp_path: Path) -> None:
-    names = [f"{i}.csv" for i in range(1, COUNT + 1)]
-    assert sorted(path.name for path in (COMMITTED / place).iterdir()) == names
-    for name, demonstration in zip(names, reaching_demonstrations(place), strict=True):
-        write_csv(demonstration, tmp_path / name)
-        assert (tmp_path / name).read_bytes() == (COMMITTED / place / name).read_bytes()
 
 
 def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path) -> None:

@@ -1,0 +1,91 @@
+"""The skills that come with the project: a store made by the tool itself, and the Makefile people copy."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SKILLS = Path(__file__).parent.parent / "skills"
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+@pytest.fixture
+def copy(tmp_path, monkeypatch):
+    """A copy of the directory without what was built in it, and skillctl on the path."""
+    (program := tmp_path / "bin" / "skillctl").parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m skillctl "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    for name in ("SKILLCTL_STORE", "MAKEFLAGS"):
+        monkeypatch.delenv(name, raising=False)
+    return shutil.copytree(SKILLS, tmp_path / "skills", ignore=shutil.ignore_patterns("build", "__pycache__"))
+
+
+def make(folder, *words):
+    """Run Make as one would from outside."""
+    command = ["make", "--no-print-directory", "-C", folder, f"PYTHON={sys.executable}", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def versions(folder):
+    """Return the bytes of every version in a store."""
+    return {path.relative_to(folder): path.read_bytes() for path in folder.glob("*/*.h5")}
+
+
+def test_the_demonstrations_are_written_again_to_the_byte(tmp_path):
+    subprocess.run([sys.executable, SKILLS / "teach.py", tmp_path], check=True)
+    there = {path.relative_to(tmp_path): path.read_bytes() for path in tmp_path.rglob("*.csv")}
+    committed = SKILLS / "demonstrations"
+    assert there == {path.relative_to(committed): path.read_bytes() for path in committed.rglob("*.csv")}
+
+
+@needs_make
+def test_every_skill_is_read_proved_and_comes_out_the_same_again(copy):
+    before = versions(copy)
+    assert before
+    done = make(copy, "verify")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert versions(copy) == before
+    assert done.stdout.endswith(f"{len(before)} skills came out the same again.\n")
+    assert "Nothing to be done" in make(copy, "all").stdout
+
+    shutil.copy(copy / "places" / "1.h5", copy / "shelf" / "2.h5")
+    done = make(copy, "compare")
+    assert done.returncode == 2
+    assert "shelf: does not come out the same again" in done.stdout
+
+
+@needs_make
+def test_a_damaged_skill_is_found(copy):
+    damaged = copy / "places" / "1.h5"
+    whole = damaged.read_bytes()
+    damaged.chmod(0o644)
+    damaged.write_bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:])
+    done = make(copy, "verify")
+    assert done.returncode == 2
+    assert "places" in done.stderr
+
+
+@needs_make
+def test_the_small_experiment_prints_its_table(copy):
+    pytest.importorskip("pybullet")
+    done = make(copy, "experiment-small")
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = re.findall(r"^\| (\S+) +\| (\S+) +\| (\d+) of 4 ", done.stdout, re.MULTILINE)
+    counts = {(skill, scenario): int(successes) for skill, scenario, successes in rows}
+    assert set(counts) == {
+        ("shelf", "whole"), ("top-centre", "whole"), ("straight", "whole"),
+        ("shelf", "moved"), ("places", "places"),
+    }  # fmt: skip
+    assert counts["shelf", "whole"] >= 3  # of those 50, all but one or two succeed
+    runs = copy / "build" / "runs-4"
+    assert (runs / "shelf--whole.png").read_bytes().startswith(b"\x89PNG")
+    assert len((runs / "shelf--whole.csv").read_text().splitlines()) == 1 + 4
+    done = make(copy, "experiment-small")
+    assert "skillctl" not in done.stdout  # nothing is run again
