@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import unicodedata
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 UNPRINTABLE = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})  # control, format (bidi), surrogates, line breaks
 
@@ -64,3 +67,10 @@ class ArtifactError(SkillctlError):
 
 class StoreError(SkillctlError):
     """The disk refused: no permission, no space, not a directory."""
+
+
+def require_directory(file: Path | None) -> None:
+    """Raise StoreError unless ``file`` can be written where it is to be, asked before any work is done."""
+    if file is not None and not file.parent.is_dir():
+        parent = printable(str(file.parent))
+        raise StoreError(f"{parent}: there is no such directory.", hint=f"Make it: mkdir -p {parent}")

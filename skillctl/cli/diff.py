@@ -22,6 +22,7 @@ Example:
 Exit codes: 0 compared; 1 with --exit-code: behaviour or certificate differ by more than the tolerances."""
 
 SHOWN = 60  # characters of a value in the table
+REPORTS = "reports."  # three numbers a demonstration, which differ whenever skills do
 
 
 def diff(
@@ -32,9 +33,9 @@ def diff(
         bool, typer.Option("--exit-code", help="Exit 1 if they behave differently.")
     ] = False,
     atol: Annotated[
-        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by this much, and")
+        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by X, and besides")
     ] = 1e-9,
-    rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what A has.")] = 1e-9,
+    rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what they are in A.")] = 1e-9,
     store: options.Store = None,
     locked: options.Locked = False,
 ) -> None:
@@ -59,7 +60,10 @@ def blocks(report: DiffReport) -> list[render.Block]:
     sides = tuple((letter, f"{side.skill}  {words.short(side.digest)}") for letter, side in named)
     if report.identical:
         return [render.Facts((*sides, ("result", "identical")))]
-    changes = tuple((change.field, _shown(change.a), _shown(change.b)) for change in report.metadata)
+    told = [change for change in report.metadata if not change.field.startswith(REPORTS)]
+    changes = tuple((change.field, _shown(change.a), _shown(change.b)) for change in told)
+    if left := len(report.metadata) - len(told):
+        changes += (("training errors", f"{left} differ; --json has them", words.NONE),)
     result = "they behave differently" if report.differs else "they behave the same"
     return [
         render.Facts(sides),
@@ -116,5 +120,7 @@ def _proofs(report: DiffReport) -> list[tuple[str, str]]:
 
 def _shown(value: Any) -> str:
     """Return a metadata value in one short line."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
     text = words.NONE if value is None else json.dumps(value, ensure_ascii=False).strip('"')
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"

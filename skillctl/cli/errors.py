@@ -35,7 +35,10 @@ REWORDED = (
     (re.compile(r"('.*') is not a valid int(eger)?( range)?\."), r"\1 is not a whole number."),
     (re.compile(r"('.*') is not a valid float( range)?\."), r"\1 is not a number."),
     (re.compile(r"(\S+) is not in the range x>=(\S+)\."), r"\1 is less than \2."),
-    (re.compile(r"Got unexpected extra argument\(s\) \((.*)\)"), r"More was given than fits: \1."),
+    (
+        re.compile(r"Got unexpected extra argument\(s\) \((.*)\)"),
+        r"Nothing more was expected, but there is: \1.",
+    ),
 )
 CHOICES = re.compile(r"'(?P<word>[^']*)' is not one of (?P<known>'.*')")
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
+from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
     from skillctl.usecases.history import Ancestor, LineageReport
@@ -20,9 +22,12 @@ EXAMPLES = """\b
 Example:
   skillctl inspect reach
   skillctl inspect shelf --lineage
+  skillctl inspect shelf --demos
   skillctl inspect reach --plot reach.png --html reach.html
   skillctl inspect shelf --at 0.42,0,0.55
   skillctl inspect reach@2 --json | jq '.leaves[0].joint_mixture.means'"""
+
+MANY = 30  # demonstrations beyond which only --demos shows each
 
 
 def inspect(
@@ -39,6 +44,9 @@ def inspect(
             help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
         ),
     ] = None,
+    demos: Annotated[
+        bool, typer.Option("--demos", help="Show each demonstration of a skill with many, too.")
+    ] = False,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -66,6 +74,8 @@ def inspect(
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
+    if lineage and at is not None:
+        raise UsageError("--lineage and --at exclude each other.", hint="Ask for one after the other.")
     lock = options.chosen_lock(locked)
     _require_places(plot, html)
     if plot is not None or html is not None:
@@ -76,7 +86,7 @@ def inspect(
         output.result(tree, lambda: [ancestry(tree)])
         return
     report = inspect_skill(skill, store=store, lock=lock, position=at)
-    output.result(report, lambda: blocks(report))
+    output.result(report, lambda: blocks(report, every=demos))
 
 
 def _require_places(plot: Path | None, html: Path | None) -> None:
@@ -108,7 +118,7 @@ def _write_files(
         write_file(html, written.encode())
 
 
-def blocks(report: InspectReport, *, for_page: bool = False) -> list[render.Block]:
+def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False) -> list[render.Block]:
     """Return the report for people; for a page, which travels, without the place of the file."""
     from skillctl.usecases.evaluate import HeldOut
 
@@ -134,11 +144,30 @@ def blocks(report: InspectReport, *, for_page: bool = False) -> list[render.Bloc
         for leaf in report.leaves
     )
     leaves = render.Table(("part", "leaf", "components", "attractor", "speed", "demonstrations"), rows)
-    errors = words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
+    all_of_them = every or for_page or (len(report.leaves) == 1 and len(report.reports) <= MANY)
+    errors = (
+        words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
+        if all_of_them
+        else _errors(report)
+    )
     place = [_place(report.at, space.unit)] if report.at is not None else []
     regions = [_regions(report)] if report.regions else []
     tables = [leaves, *regions, *([errors] if report.reports else [])]
     return [render.Facts(facts), *place, *tables, _origin(report)]
+
+
+def _errors(report: InspectReport) -> render.Table:
+    """Return how well each leaf repeats its demonstrations, a row a leaf."""
+    unit, rows = report.space.unit, []
+    for leaf in report.leaves:
+        of_leaf = [one for one in report.reports if one.leaf + 1 == leaf.leaf]
+        if of_leaf:
+            velocity = words.per_second(median(one.velocity_rmse or 0.0 for one in of_leaf), unit)
+            distances = [one.dtw or 0.0 for one in of_leaf]
+            spread = words.length(median(distances), unit), words.length(max(distances), unit)
+            arrive = f"{sum(bool(one.arrived) for one in of_leaf)} of {len(of_leaf)}"
+            rows.append((str(leaf.leaf), velocity, *spread, arrive))
+    return render.Table(("leaf", "median velocity RMSE", "median DTW", "worst DTW", "arrive"), tuple(rows))
 
 
 def _place(place: Place, unit: str) -> render.Facts:

@@ -65,7 +65,10 @@ def learn(
         ),
     ] = None,
     units: Annotated[
-        options.Units | None, typer.Option(help="Unit of the positions.", rich_help_panel=options.INPUT)
+        options.Units | None,
+        typer.Option(
+            help="Unit of the positions. Default: the format's own, else m.", rich_help_panel=options.INPUT
+        ),
     ] = None,
     scale: Annotated[
         float, typer.Option(metavar="F", help="Multiply all positions.", rich_help_panel=options.INPUT)

@@ -35,9 +35,7 @@ def merge(
     context: typer.Context,
     skills: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="SKILL...", help="FILE.h5, NAME (its newest version), NAME@3 or NAME@latest; two or more."
-        ),
+        typer.Argument(metavar="SKILL...", help=f"Two or more: {options.SKILL}."),
     ] = None,
     output_file: options.OutputFile = None,
     name: options.Name = None,

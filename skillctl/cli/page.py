@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import skillctl
 from skillctl.cli import render
-from skillctl.errors import UsageError, printable
+from skillctl.errors import UsageError, printable, require_directory
 
 if TYPE_CHECKING:
     from skillctl.usecases.history import LineageReport
@@ -44,9 +44,7 @@ footer { margin-top: 3rem; color: var(--quiet); font-size: .85rem; overflow-wrap
 
 
 def require_page(path: Path) -> None:
-    """Raise UsageError unless an HTML page can be written there."""
-    from skillctl.plotting.formats import require_directory
-
+    """Raise UsageError or StoreError unless an HTML page can be written there."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(
             f"{printable(str(path))}: a page ends in {' or '.join(SUFFIXES)}.",

@@ -63,5 +63,6 @@ def blocks(report: QuickstartReport) -> list[render.Block]:
     headings = ("skill", "made by", "DTW", "verdict", "rate", "controller ≥", "simulated", "error", "time")
     where = f"Everything is in {report.directory}: demonstrations/, skills/"
     seen = "." if report.picture is None else f", and the picture {report.picture}."
-    following = "Look around: skillctl ls, skillctl inspect shelf, skillctl simulate --help."
+    following = "skillctl ls, skillctl inspect shelf, skillctl simulate --help"
+    following = f"Look around: cd {report.directory}, then {following}."
     return [render.Table(headings, rows), f"{where}{seen}", following]

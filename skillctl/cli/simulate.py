@@ -236,26 +236,36 @@ def blocks(report: SimulateReport) -> list[render.Block]:
         ("target", words.point(report.target, "m")),
         ("final error", words.length(figures.final_error, "m")),
         ("time to target", words.number(figures.time_to_target, "s")),
-        (
-            "tracking",
-            f"{words.length(figures.tracking_median, 'm')} median, "
-            f"{words.length(figures.tracking_p95, 'm')} at most in 95 % of the time",
-        ),
+        ("tracking", _tracking(report)),
         ("off the ideal path", f"{words.length(figures.plan_deviation, 'm')} at most"),
         ("path length", f"{figures.path_ratio:.3f} of the ideal"),
         ("joint margin", f"{figures.joint_margin:.2f} rad to the nearest limit"),
         ("joint speed", f"{figures.velocity_ratio:.0%} of the limit at most"),
         ("joint torque", f"{figures.torque_ratio:.0%} of the limit at most"),
-        (
-            "inverse kinematics",
-            f"{words.length(figures.ik_residual, 'm')} off at most, {figures.ik_failures} failures",
-        ),
+        ("inverse kinematics", _kinematics(report)),
         *_scene_facts(report),
         ("simulated", f"{figures.simulated_time:.2f} s in {report.wall_seconds:.2f} s"),
     ]
     files = (("log", report.log), ("picture", report.picture), ("video", report.video))
     facts += [(name, str(path)) for name, path in files if path]
     return [render.Facts(tuple(facts))]
+
+
+def _tracking(report: SimulateReport) -> str:
+    """Return how near the hand was to its reference; a hand that yields has none."""
+    figures = report.metrics
+    if report.scenario["control"] == "torque":
+        return words.NONE
+    median, most = (words.length(d, "m") for d in (figures.tracking_median, figures.tracking_p95))
+    return f"{median} median, {most} at most in 95 % of the time"
+
+
+def _kinematics(report: SimulateReport) -> str:
+    """Return what inverse kinematics missed; torque control needs none."""
+    figures = report.metrics
+    if report.scenario["control"] == "torque":
+        return words.NONE
+    return f"{words.length(figures.ik_residual, 'm')} off at most, {figures.ik_failures} failures"
 
 
 def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:

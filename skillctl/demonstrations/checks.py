@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.demonstrations.recording import Recording, uniform_times
+from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
 from skillctl.errors import InputDataError
 from skillctl.model import Demonstration, DemonstrationSet
 
@@ -117,7 +117,10 @@ def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) ->
             f"the sampling period follows from the velocities: {1e3 * float(np.median(estimated)):.4g} ms."
         )
     if (longest := max(findings, key=lambda f: f.duration)).duration > LONG:
-        notes.append(f"{longest.label} lasts {longest.duration:.4g} s; are its times in seconds?")
+        notes.append(
+            f"{longest.label} lasts {longest.duration:.4g} s; if its times are not seconds, say so in the "
+            "header: t_ms."
+        )
     return notes + _shape_notes(demonstrations)
 
 
@@ -151,13 +154,13 @@ def _require_finite(recording: Recording) -> None:
         raise InputDataError(
             f"{recording.label}, {recording.where(sample)}, {recording.column(dimension)}: "
             f"{recording.positions[sample, dimension]:g} is not a position.",
-            hint="Fill or remove gaps in the recording, or leave this demonstration out.",
+            hint=GAPS,
         )
     if recording.velocities is not None and not np.isfinite(recording.velocities).all():
         sample = int(np.argwhere(~np.isfinite(recording.velocities))[0, 0])
         raise InputDataError(
             f"{recording.label}, {recording.where(sample)}: its velocity is not finite.",
-            hint="Fill or remove gaps in the recording, or leave this demonstration out.",
+            hint=GAPS,
         )
 
 

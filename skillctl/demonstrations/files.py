@@ -34,7 +34,10 @@ def read_bytes(path: Path) -> bytes:
 def damaged(path: Path, kind: str, error: Exception) -> InputDataError:
     """Return what to say about a file that its own format's reader cannot make sense of."""
     reason = printable(str(error) or type(error).__name__)[:80]
-    return InputDataError(f"{path}: not an intact {kind} ({reason}).", hint="Save or copy it again.")
+    return InputDataError(
+        f"{path}: not an intact {kind} ({reason}).",
+        hint="Save or copy it again; if it is of another format, leave out --input-format.",
+    )
 
 
 def _require_usable(path: Path, mode: int, size: int) -> None:

@@ -17,6 +17,9 @@ from skillctl.model import StateSpace
 Unit: TypeAlias = Literal["m", "mm", "rad"]
 
 
+GAPS = "Fill or remove gaps in the recording, or leave this demonstration out."  # what to do about them
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Recording:
     """One demonstration before anything is checked, converted or left out.

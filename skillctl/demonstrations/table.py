@@ -15,7 +15,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations import joints
-from skillctl.demonstrations.recording import Recording, listed
+from skillctl.demonstrations.recording import GAPS, Recording, listed
 from skillctl.errors import InputDataError, printable
 from skillctl.model.demonstration import AXIS_NAMES
 
@@ -26,7 +26,7 @@ ROWS = 8192  # lines turned into numbers together: the text never stands in memo
 COMMENT = ("#", "%")
 TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
 UNIT = f"({'|'.join(TICKS)})"
-TIME = re.compile(rf"(?:t|time|timestamp)(?:_{UNIT}| ?[\[(]{UNIT}[\])])?", re.IGNORECASE)
+TIME = re.compile(rf"(?:t|time|stamp|timestamp)(?:_{UNIT}| ?[\[(]{UNIT}[\])])?", re.IGNORECASE)
 DEMO = "demo"
 
 
@@ -39,9 +39,9 @@ def read(
 ) -> list[Recording]:
     """Return the demonstrations of a table.
 
-    The first row names the columns: a time (``t``, ``time`` or ``timestamp``, in seconds unless its name goes
-    on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several demonstrations
-    apart. Of tables that hold more than positions x and y (and z), only these are used; of all others, every
+    The first row names the columns: a time (``t``, ``time``, ``stamp`` or ``timestamp``, in seconds unless
+    its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several
+    demonstrations apart. Of tables that hold more than positions x and y (and z), only these are used; of all others, every
     column is, up to seven. ``columns`` says otherwise; it may name joints of a skeleton, too.
     Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
     Lines that start with # or % are comments; the last one before the numbers may be the header.
@@ -246,10 +246,12 @@ def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, pat
         for column, cell in zip(layout.numeric, row, strict=True)
         if not _is_number(cell)
     )
-    what = f"'{printable(found)[:40]}' is not a number" if found else "an empty cell"
+    where = f"{path}, line {line}, column '{printable(layout.names[column])}'"
+    if not found:
+        return InputDataError(f"{where}: an empty cell.", hint=GAPS)
     return InputDataError(
-        f"{path}, line {line}, column '{printable(layout.names[column])}': {what}.",
-        hint="Correct the cell, or choose other columns with --columns.",
+        f"{where}: '{printable(found)[:40]}' is not a number.",
+        hint=f"Correct the cell, or choose columns with --columns. They are: {listed(layout.names)}.",
     )
 
 

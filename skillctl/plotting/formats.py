@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skillctl.errors import UsageError, printable
+from skillctl.errors import UsageError, printable, require_directory
 
 FORMATS = ("png", "svg", "pdf")
 MOST_PROOFS = 12  # certificates in one figure
 
 
 def require_picture(path: Path) -> None:
-    """Raise UsageError unless a picture can be written there."""
+    """Raise UsageError or StoreError unless a picture can be written there."""
     require_format(path)
     require_directory(path)
-
-
-def require_directory(path: Path) -> None:
-    """Raise UsageError unless a file can be written there."""
-    if not path.parent.is_dir():
-        raise UsageError(
-            f"{printable(str(path.parent))}: there is no such directory.",
-            hint=f"Make it: mkdir -p {printable(str(path.parent))}",
-        )
 
 
 def require_format(path: Path) -> str:

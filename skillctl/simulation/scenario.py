@@ -318,7 +318,7 @@ class Scenario(Part):
         if self.arm not in ARMS and not self.arm.endswith(".urdf"):
             raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
         if self.cup is not None and self.scene is None:
-            raise ValueError("cup: it needs something to stand on, a scene of the kind shelf or table.")
+            raise ValueError("cup: it needs something to stand on, as in --scene shelf or --scene table.")
         if self.cup is not None and self.scene is not None:
             (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, self.cup.place
             if not (front < x < back and -half < y < half):

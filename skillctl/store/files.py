@@ -55,7 +55,7 @@ def _opened(path: Path, limit: int) -> Iterator[tuple[int, int]]:
         with system_errors(f"read {path}"):
             status = os.fstat(descriptor)
             if not stat.S_ISREG(status.st_mode):
-                raise NotAnArtifactError(str(path), "not a regular file")
+                raise _not_a_file(path, status.st_mode)
             if status.st_size > limit:
                 raise NotAnArtifactError(str(path), f"larger than {limit >> 20} MiB, as no artifact is")
             yield descriptor, status.st_size
@@ -73,6 +73,14 @@ def _cannot_open(path: Path, error: OSError) -> Exception:
     if error.errno in (errno.ENXIO, errno.ENODEV):
         return NotAnArtifactError(str(path), "not a regular file")
     return _store_error(f"read {path}", error)
+
+
+def _not_a_file(path: Path, mode: int) -> NotAnArtifactError:
+    if stat.S_ISDIR(mode):
+        return NotAnArtifactError(
+            str(path), "a directory", hint=f"Name a file in it. Of a store: `skillctl ls --store {path}`."
+        )
+    return NotAnArtifactError(str(path), "not a regular file")
 
 
 def missing_file(path: Path) -> NotFoundError:

@@ -12,9 +12,19 @@ from skillctl.store.artifact import Artifact, arrays_of
 from skillctl.store.errors import Refusal
 from skillctl.store.files import MAX_FILE_BYTES
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import ARRAYS, FORMAT_MARK, Array, content_digest, require_layout
+from skillctl.store.layout import (
+    ARRAYS,
+    FORMAT_MARK,
+    MAX_LENGTHS,
+    META,
+    Array,
+    content_digest,
+    require_layout,
+)
 from skillctl.store.seal import SEAL_BYTES, seal
 from skillctl.store.tree import node_of
+
+TOO_LARGE = "Keep fewer demonstrations in it, or use fewer components."
 
 
 def encode(artifact: Artifact) -> bytes:
@@ -25,6 +35,12 @@ def encode(artifact: Artifact) -> bytes:
         StoreError: Larger than an artifact may be.
     """
     arrays = arrays_of(artifact)
+    if arrays[META].size > MAX_LENGTHS["B"]:
+        raise _too_large(
+            f"the records about it, of {len(artifact.reports)} demonstrations among others, take "
+            f"{arrays[META].size} bytes, and {MAX_LENGTHS['B']} fit",
+            hint="Learn from fewer, as with --demos 0-99; some 170 files fit, and more in files of several.",
+        )
     try:
         require_layout({path: array.shape for path, array in arrays.items()})
     except Refusal as reason:
@@ -47,8 +63,5 @@ def body_of(arrays: Mapping[str, Array]) -> bytes:
     return file.getvalue()[SEAL_BYTES:]
 
 
-def _too_large(what: str) -> StoreError:
-    return StoreError(
-        f"this skill is too large for an artifact: {what}.",
-        hint="Keep fewer demonstrations in it, or use fewer components.",
-    )
+def _too_large(what: str, hint: str = TOO_LARGE) -> StoreError:
+    return StoreError(f"this skill is too large for an artifact: {what}.", hint=hint)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skillctl.errors import ArtifactError, StoreError, UsageError, printable
+from skillctl.errors import ArtifactError, UsageError, printable, require_directory
 from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_file
 from skillctl.store.errors import NotAnArtifactError
 from skillctl.store.schema import MAX_TEXT
@@ -110,9 +110,5 @@ class Destination:
             versions = registry.versions(self.name)
             return registry.locate(f"{self.name}@{versions[-1]}") if versions else None
         assert self.file is not None  # by construction
-        if not self.file.parent.is_dir():
-            raise StoreError(
-                f"{self.file.parent}: there is no such directory.",
-                hint=f"Make it (mkdir -p {self.file.parent}), or write elsewhere.",
-            )
+        require_directory(self.file)
         return Located(self.file) if self.file.exists() else None

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from skillctl import simulation
-from skillctl.errors import UsageError
+from skillctl.errors import UsageError, require_directory
 from skillctl.model.skill import attractors_of
 from skillctl.simulation import Episode, Metrics, Outcome, Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.torque import TORQUE_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
@@ -157,18 +158,19 @@ def _report(
         log=log,
         picture=picture,
         video=video,
-        notes=proof_notes(source),
+        notes=proof_notes(source, episode.scenario.control),
     )
 
 
-def proof_notes(source: Source) -> tuple[str, ...]:
+def proof_notes(source: Source, control: str) -> tuple[str, ...]:
     """Return what the proof of a skill asks for that a simulated controller does not give."""
     period = certify(source.skill, digest=source.artifact.digest).period
-    if period is None or period >= CONTROL_PERIOD:
+    simulated = TORQUE_PERIOD if control == "torque" else CONTROL_PERIOD
+    if period is None or period >= simulated:
         return ()
     return (
         f"the proof of {source.name} asks for a controller at {at_most(1 / period)} Hz or faster; "
-        f"this one runs at {1 / CONTROL_PERIOD:.0f} Hz.",
+        f"this one runs at {1 / simulated:.0f} Hz.",
     )
 
 
@@ -192,7 +194,4 @@ def start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...]
 def require_directories(*files: Path | None) -> None:
     """Refuse files whose directory does not exist, before anything is run for them."""
     for file in files:
-        if file is not None and not file.parent.is_dir():
-            raise UsageError(
-                f"{file.parent}: there is no such directory.", hint=f"Make it: mkdir -p {file.parent}"
-            )
+        require_directory(file)

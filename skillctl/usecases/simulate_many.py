@@ -191,7 +191,7 @@ def _report(
         wall_seconds=wall_seconds,
         table=table,
         overview=overview,
-        notes=(*proof_notes(source), *_sameness(scenario)),
+        notes=(*proof_notes(source, scenario.control), *_sameness(scenario)),
     )
 
 

@@ -112,8 +112,12 @@ def test_inspect_shows_everything_and_json_the_numbers(run, library, tmp_path):
     run("merge", "curve", "hook", "--weights", "3,1", "--store", library, "-o", tmp_path / "m.h5")
     text = run("inspect", tmp_path / "m.h5")
     assert (text.exit_code, text.stderr) == (0, "")
-    for word in ("merged (superposition; shares 0.75, 0.25", "x, y in m", "curve@1", "hook-3.csv", "stable"):
+    for word in ("merged (superposition; shares 0.75, 0.25", "x, y in m", "curve@1", "4 of 4", "stable"):
         assert word in text.stdout
+    assert "hook-3.csv" not in text.stdout
+    assert "hook-3.csv" in run("inspect", tmp_path / "m.h5", "--demos").stdout
+    both = run("inspect", tmp_path / "m.h5", "--lineage", "--at", "0,0")
+    assert (both.exit_code, both.stdout) == (2, "")
     report = document(run("inspect", tmp_path / "m.h5", "--json"))
     assert [leaf["n_components"] for leaf in report["leaves"]] == [3, 3]
     assert np.shape(report["leaves"][0]["joint_mixture"]["covariances"]) == (3, 4, 4)
@@ -216,7 +220,7 @@ def test_pybullet_prints_nothing_on_standard_output(shell, library):
         (["reach", "--target", "nan,0,0.5"], 2, "finite"),
         (["reach", "--demo", "7"], 2, "counted from 0"),
         (["reach", "--demo", "0", "--start", "0.4,0,0.5"], 2, "--demo"),
-        (["reach", "--picture", "no/such/p.png"], 2, "no/such"),
+        (["reach", "--picture", "no/such/p.png"], 8, "no/such"),
         (["curve", "--scale", "-1"], 2, "scale"),
         (["reach", "--target", "cup"], 2, "something to stand on"),
         (["reach", "--target", "cup", "--scene", "shelf", "--cup", "0.3,0"], 2, "is not on a board"),

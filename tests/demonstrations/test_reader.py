@@ -266,7 +266,7 @@ def test_ends_far_apart_are_reported(write) -> None:
     [
         ("t,x\n0,0\n1,250\n", "extends over 250 m; if these are millimetres, use --units mm."),
         ("t,x\n0,0\n1,0.001\n", "extends over 0.001 m only; check --units and --scale."),
-        ("t,x\n0,0\n2000,1\n", "lasts 2000 s; are its times in seconds?"),
+        ("t,x\n0,0\n2000,1\n", "lasts 2000 s; if its times are not seconds, say so in the header: t_ms."),
         (
             "t,a,b,c,d\n0,0,0,0,0\n1,1,1,1,1\n",
             "4 dimensions are taken as metres; joint angles need --units rad.",

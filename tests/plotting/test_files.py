@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from skillctl.errors import UsageError
+from skillctl.errors import StoreError, UsageError
 from skillctl.plotting.formats import FORMATS, MOST_PROOFS, require_few, require_format, require_picture
 from skillctl.plotting.skill import draw_skill
 from skillctl.plotting.style import drawing, encode
@@ -96,7 +96,7 @@ def test_other_suffixes_are_refused_and_the_formats_listed(name):
 
 
 def test_a_missing_directory_is_noticed_before_any_work(tmp_path):
-    with pytest.raises(UsageError, match="no such directory"):
+    with pytest.raises(StoreError, match="no such directory"):
         require_picture(tmp_path / "missing" / "a.png")
 
 

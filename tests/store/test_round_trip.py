@@ -185,7 +185,7 @@ def test_a_state_space_that_cannot_be_written_is_refused(make_seds, wrap):
 
 
 def test_a_skill_that_no_reader_would_take_is_not_written(make_seds, wrap):
-    with pytest.raises(StoreError, match=r"too large.*B = [0-9]+ is not within 1 to 65536"):
+    with pytest.raises(StoreError, match=r"too large.*take [0-9]+ bytes, and 65536 fit"):
         store.encode(
             store.Artifact(
                 make_seds(1),
