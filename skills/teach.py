@@ -14,7 +14,6 @@ from skillctl.model import Demonstration
 
 STARTS = ((0.385, 0.44), (-0.20, 0.20), (0.50, 0.58))  # x, y, z: low in front of the shelf, hand level [m]
 COUNT = 10  # demonstrations of each of TASKS
-NEW_TASKS = ("top-left", "top-right")  # shown once each, to choose the weights of a merger
 
 
 def straight(demonstration: Demonstration) -> Demonstration:
@@ -32,7 +31,6 @@ def main() -> None:
     parser.add_argument("directory", type=Path)
     folder = parser.parse_args().directory
     reaches = {task: list(reaching_demonstrations(task, COUNT, starts=STARTS)) for task in TASKS}
-    reaches |= {task: list(reaching_demonstrations(task, 1, starts=STARTS)) for task in NEW_TASKS}
     reaches["straight"] = [straight(reach) for reach in reaches["top-centre"]]
     for task, demonstrations in reaches.items():
         (folder / task).mkdir(parents=True, exist_ok=True)
