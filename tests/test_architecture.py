@@ -13,7 +13,7 @@ import skillctl
 
 PACKAGE = Path(skillctl.__file__).parent
 LEAVES = {"errors", "arrays"}
-TOOLS = {"workers"}  # how work is done, whatever it is
+TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
     "learning",
     "compose",

@@ -24,7 +24,7 @@ Schema: TypeAlias = dict[str, Any]
 
 # What is printed with --json: module and class of the report. A command with several forms has them all.
 OUTPUTS: dict[str, tuple[str, ...]] = {
-    "learn": ("skillctl.usecases.learn:LearnReport",),
+    "learn": ("skillctl.usecases.learn:LearnReport", "skillctl.usecases.learn_many:LearnManyReport"),
     "merge": ("skillctl.usecases.merge:MergeReport",),
     "combine": ("skillctl.usecases.combine:CombineReport",),
     "inspect": ("skillctl.usecases.inspect:InspectReport", "skillctl.usecases.history:LineageReport"),

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skillctl.cli import options, render, words
+from skillctl.cli import learn_batch, options, render, words
 from skillctl.cli.output import Output
+from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
     from skillctl.usecases.learn import LearnReport
@@ -19,7 +20,8 @@ Example:
   skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
   skillctl learn low_dim.hdf5 --demos 0-19 --name lift
   skillctl learn reach-*.csv --name reach --validate --plot reach.svg
-  skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean"""
+  skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean
+  skillctl learn --batch manifest.toml --jobs 4"""
 
 LEARNING = "Learning"
 
@@ -27,12 +29,12 @@ LEARNING = "Learning"
 def learn(
     context: typer.Context,
     data: Annotated[
-        list[str],
+        list[str] | None,
         typer.Argument(
             metavar="DATA...",
             help="Files with demonstrations: CSV, TSV, TUM, NPZ, robomimic .hdf5, LASA or LPV-DS .mat.",
         ),
-    ],
+    ] = None,
     output_file: options.OutputFile = None,
     name: options.Name = None,
     message: options.Message = None,
@@ -42,6 +44,17 @@ def learn(
     explain: options.Explain = False,
     force: options.Force = False,
     store: options.Store = None,
+    batch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.toml",
+            help="Learn many skills: the file lists them, each with its files and options.",
+            rich_help_panel=options.WORK,
+        ),
+    ] = None,
+    jobs: options.Jobs = None,
+    backend: options.Backend = "processes",
+    scheduler: options.Scheduler = None,
     input_format: Annotated[
         options.InputFormat | None,
         typer.Option(help="Default: told from the content.", rich_help_panel=options.INPUT),
@@ -152,8 +165,17 @@ def learn(
     from skillctl.usecases.learn import Reading
     from skillctl.usecases.learn import learn as learn_skill
     from skillctl.usecases.make import finish_target, require_target
+    from skillctl.workers import Workers
 
     output: Output = context.obj
+    learn_batch.require_one_kind(context, batch)
+    if batch is not None:
+        workers = Workers.chosen(jobs, backend, scheduler)
+        raise typer.Exit(
+            learn_batch.learn_batch(output, batch, store=store, force=force, explain=explain, workers=workers)
+        )
+    if not data:
+        raise UsageError("DATA...: is missing: say which files hold the demonstrations.")
     require_target(output_file, depfile, if_changed)
     reading = Reading(input_format, columns, dt, units, scale, demos, frame)
     learning = LearnOptions(objective, metric, components, preset, seed, slowest_rate, period)

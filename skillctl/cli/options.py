@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, TypeVar
 
 import typer
 
+from skillctl.usecases.ranges import read_ranges
+
 if TYPE_CHECKING:
     from skillctl.store import Lock
 
@@ -61,12 +63,10 @@ def read_words(text: str) -> Words:
 
 def read_indices(text: str) -> Indices:
     """Read ``0,2,5-9``."""
-    found: list[int] = []
-    for first, dash, last in (part.strip().partition("-") for part in text.split(",")):
-        if not first.isdecimal() or (dash and not last.isdecimal()) or (dash and int(last) < int(first)):
-            raise typer.BadParameter(f"{text!r} is not a list of numbers from 0 on, as in 0,2,5-9.")
-        found.extend(range(int(first), int(last or first) + 1))
-    return Indices(found)
+    try:
+        return Indices(read_ranges(text))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def read_components(text: str) -> int | Literal["auto"]:

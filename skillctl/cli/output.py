@@ -118,14 +118,14 @@ class Output:
         _settle_stdout()
         return int(failure.code)
 
-    def failures(self, failures: Sequence[Failure], attempts: int) -> None:
+    def failures(self, failures: Sequence[Failure], attempts: int, done: str = "read") -> None:
         """Tell about the failures among many attempts: each in words, or all of them in one document."""
         if not self.as_json:
             for failure in failures:
                 self._tell(failure)
         elif failures:
             worst = max(failure.code for failure in failures)
-            summary = f"{len(failures)} of {attempts} skills could not be read."
+            summary = f"{len(failures)} of {attempts} skills could not be {done}."
             self._tell(Failure(worst, summary, "The document on standard output says which, and why."))
 
     def _tell(self, failure: Failure) -> None:

@@ -20,6 +20,7 @@ COLOURS = {
     "not proved": "red",
     "inconclusive": "yellow",
     "unreadable": "red",
+    "failed": "red",
     "reached": "green",
     "timeout": "red",
     "unreachable": "red",

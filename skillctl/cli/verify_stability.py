@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,7 @@ Example:
   skillctl verify-stability reach
   skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
   skillctl verify-stability reach --plot proof.png
+  skillctl verify-stability skills/*/*.h5 --jobs 4
   skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
 
 Exit codes: 0 what is required is proved of all; 1 of one it is not, or it is not signed; 3 none is refuted,
@@ -82,6 +84,9 @@ def verify_stability(
             "--format", help="text: a table; github: annotations of a workflow.", rich_help_panel=REPORTS
         ),
     ] = "text",
+    jobs: options.Jobs = None,
+    backend: options.Backend = "processes",
+    scheduler: options.Scheduler = None,
     store: options.Store = None,
     locked: options.Locked = False,
 ) -> None:
@@ -94,6 +99,7 @@ def verify_stability(
     from skillctl.store import read_public_key
     from skillctl.usecases.verify_stability import Requirements
     from skillctl.usecases.verify_stability import verify_stability as verify_skills
+    from skillctl.workers import Workers
 
     output: Output = context.obj
     if output.as_json and form != "text":
@@ -106,7 +112,11 @@ def verify_stability(
     lock = options.chosen_lock(locked)
     signer = None if require_signature is None else read_public_key(require_signature)
     required = Requirements(require, period, min_rate, signer)
-    verified = verify_skills(skills, store=store, lock=lock, required=required)
+    workers = Workers.chosen(jobs, backend, scheduler)
+    with output.progress("proving") if len(skills) > 1 else nullcontext() as progress:
+        verified = verify_skills(
+            skills, store=store, lock=lock, required=required, workers=workers, progress=progress
+        )
     reports.write_reports(verified, files)
     if plot is not None:
         from skillctl.usecases.pictures import picture_proofs  # late: only pictures need Matplotlib

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skillctl.errors import InputDataError, NotFoundError, UsageError, printable
+from skillctl.errors import InputDataError, UsageError
 from skillctl.simulation.scenario import Scenario
+from skillctl.toml_files import read_toml
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # the same parser under its older name
-    import tomli as tomllib
-
-MAX_BYTES = 1 << 20
 HEADING = "# What `skillctl simulate` runs. Lengths are in metres, times in seconds, angles in radians.\n"
 HINT = "`skillctl simulate --print-scenario` writes one with every key."
 
@@ -28,18 +22,7 @@ def read_scenario(path: Path) -> Scenario:
         NotFoundError: There is no such file.
         InputDataError: It is not TOML, or a key is unknown, missing or means nothing; names file and key.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise NotFoundError(f"{path}: there is no such file.", hint=HINT) from None
-    if len(data) > MAX_BYTES:
-        raise InputDataError(f"{path}: is no scenario: it has more than {MAX_BYTES} bytes.")
-    try:
-        # UnicodeDecodeError and TOMLDecodeError are ValueErrors; brackets can be nested too deeply.
-        document = tomllib.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputDataError(f"{path}: is not TOML: {printable(str(error))[:200]}.", hint=HINT) from None
+    document = read_toml(path, "scenario", HINT)
     try:
         return Scenario(**document)
     except UsageError as error:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from skillctl.demonstrations import ReadResult, read_demonstrations
 from skillctl.learning import Fit, LearnOptions, fit
@@ -26,7 +26,7 @@ from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import LEARN_AGAIN, require_stable
 from skillctl.usecases.validate import LeftOut, held_out, leave_out_in_turn
 
-Status = Literal["learned", "up to date"]
+Status: TypeAlias = Literal["learned", "up to date"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,40 @@ class Reading:
             select=self.demos,
             frame=self.frame,
         )
+
+
+@dataclass(frozen=True)
+class LearnRequest:
+    """What is to be learned, how, and where it goes; see ``learn``."""
+
+    paths: tuple[Path, ...]
+    destination: Destination
+    options: LearnOptions
+    reading: Reading
+    validated: bool
+    force: bool
+    plot: Path | None
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What a request leads to, before it is written.
+
+    Attributes:
+        artifact: The skill with all that belongs to it.
+        certificate: What is proved of it.
+        left_out: What was learned without one demonstration each, if anybody asked.
+        notes: What was noticed about the input, and warnings of the learner.
+        reasons: Why it was learned, in words.
+        current: Where it is already; None if it has to be written.
+    """
+
+    artifact: Artifact
+    certificate: Certificate
+    left_out: tuple[LeftOut, ...] = ()
+    notes: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+    current: Written | None = None
 
 
 @dataclass(frozen=True)
@@ -124,33 +158,63 @@ def learn(
         InputDataError: Demonstrations that cannot be used.
         FitError: The result could not be proved stable; nothing is written.
     """
-    options, reading = options or LearnOptions(), reading or Reading()
-    destination = Destination.at(output, name, store, note)
-    if plot is not None:
-        require_picture(plot)
-    paths = [Path(path) for path in data]
+    request = LearnRequest(
+        paths=tuple(Path(path) for path in data),
+        destination=Destination.at(output, name, store, note),
+        options=options or LearnOptions(),
+        reading=reading or Reading(),
+        validated=validated,
+        force=force,
+        plot=plot,
+    )
+    return finish(request, make(request, progress))
+
+
+def make(request: LearnRequest, progress: Progress | None = None) -> Made:
+    """Return what a request leads to; nothing is written, so that this can be done anywhere.
+
+    Raises:
+        See ``learn``.
+    """
+    if request.plot is not None:
+        require_picture(request.plot)
+    options, reading, validated = request.options, request.reading, request.validated
     operation = Operation(command="learn", options=_recorded(options, reading, validated), seed=options.seed)
-    current = destination.current()
-    reasons = reasons_to_make(current[0] if current else None, operation, paths, note)
-    if current is not None and not reasons and not force:
-        if plot is not None:  # what was left out was not kept, and is learned again for the picture
-            again = (
-                leave_out_in_turn(reading.read(paths).demonstrations, options, progress) if validated else ()
-            )
-            _draw(current[1], current[0], again, plot)
-        return _report("up to date", *current, certify(current[0].skill), ())
-    read = reading.read(paths)
+    current = request.destination.current()
+    reasons = reasons_to_make(
+        current[0] if current else None, operation, request.paths, request.destination.note
+    )
+    if current is not None and not reasons and not request.force:
+        artifact, written = current
+        again: tuple[LeftOut, ...] = ()
+        if request.plot is not None and validated:  # what was left out was not kept: again, for the picture
+            again = leave_out_in_turn(reading.read(request.paths).demonstrations, options, progress)
+        return Made(artifact, certify(artifact.skill), again, current=written)
+    read = reading.read(request.paths)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
     certificate = certify(fitted.skill)
     require_stable(certificate, LEARN_AGAIN)
     left_out = leave_out_in_turn(read.demonstrations, options, progress) if validated else ()
     artifact = _artifact(fitted, read, operation, held_out(left_out) if left_out else None)
-    written, notes = destination.write(artifact), (*read.notes, *fitted.warnings)
-    if plot is not None:
-        _draw(written, artifact, left_out, plot)
-    return replace(
-        _report("learned", artifact, written, certificate, notes), reasons=reasons or ("it was asked for",)
+    return Made(
+        artifact,
+        certificate,
+        left_out,
+        notes=(*read.notes, *fitted.warnings),
+        reasons=reasons or ("it was asked for",),
     )
+
+
+def finish(request: LearnRequest, made: Made) -> LearnReport:
+    """Write what was made, unless it is there already, and return the report.
+
+    Raises:
+        StoreError: It cannot be written.
+    """
+    written = made.current or request.destination.write(made.artifact)
+    if request.plot is not None:
+        _draw(written, made.artifact, made.left_out, request.plot)
+    return _report(made, written)
 
 
 def _draw(written: Written, artifact: Artifact, left_out: Sequence[LeftOut], plot: Path) -> None:
@@ -199,12 +263,10 @@ def _artifact(fitted: Fit, read: ReadResult, operation: Operation, errors: HeldO
     )
 
 
-def _report(
-    status: Status, artifact: Artifact, written: Written, certificate: Certificate, notes: tuple[str, ...]
-) -> LearnReport:
-    skill = artifact.skill
+def _report(made: Made, written: Written) -> LearnReport:
+    skill = made.artifact.skill
     return LearnReport(
-        status=status,
+        status="up to date" if made.current else "learned",
         skill=written.skill,
         path=written.path,
         digest=written.digest,
@@ -213,9 +275,10 @@ def _report(
         dimension=skill.dimension,
         unit=skill.space.unit,
         attractor=tuple(skill.leaves[0].attractor.tolist()),
-        rate=certificate.rate,
-        period=certificate.period,
-        demonstrations=artifact.reports,
-        held_out=HeldOut.recorded(artifact.operation.results),
-        notes=notes,
+        rate=made.certificate.rate,
+        period=made.certificate.period,
+        demonstrations=made.artifact.reports,
+        held_out=HeldOut.recorded(made.artifact.operation.results),
+        notes=made.notes,
+        reasons=made.reasons,
     )

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from skillctl.errors import SkillctlError, UsageError
+from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.model import Skill
 from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 from skillctl.stability import Certificate, certify
@@ -16,7 +17,9 @@ from skillctl.stability.report import at_least
 from skillctl.store import Lock
 from skillctl.store.signing import SignatureState
 from skillctl.usecases.files import open_skill
+from skillctl.usecases.progress import Progress
 from skillctl.usecases.sign import check_signature
+from skillctl.workers import WorkerDied, Workers
 
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
@@ -104,6 +107,8 @@ def verify_stability(
     store: str | Path | None = None,
     lock: Lock | None = None,
     required: Requirements | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
 ) -> VerifyReport:
     """Return what is proved of each skill; those that cannot be read do not keep others from being checked.
 
@@ -112,10 +117,39 @@ def verify_stability(
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
+        workers: Who reads and proves; by default this process. None of them changes a verdict.
+        progress: Called with (outcome of one skill, skills done, skills in all).
+
+    Raises:
+        NotFoundError: There is no such cluster.
     """
     required = required or Requirements()
-    verdicts = tuple(_verdict(str(reference), store, lock, required) for reference in references)
-    return VerifyReport(verdicts, required)
+    named, finished = [str(reference) for reference in references], 0
+
+    def done(position: int, verdict: SkillVerdict | WorkerDied) -> None:
+        nonlocal finished
+        finished += 1
+        if progress is not None:
+            outcome = "unreadable" if isinstance(verdict, WorkerDied) else verdict.outcome
+            progress(f"{named[position]} {outcome}", finished, len(named))
+
+    task = partial(_verdict, store=store, lock=lock, required=required)
+    verdicts = (workers or Workers()).run(task, named, done=done)
+    return VerifyReport(
+        tuple(
+            _died(reference) if isinstance(verdict, WorkerDied) else verdict
+            for reference, verdict in zip(named, verdicts, strict=True)
+        ),
+        required,
+    )
+
+
+def _died(reference: str) -> SkillVerdict:
+    error = StoreError(
+        f"{reference}: the process that checked it died: it was killed, or there was no memory left.",
+        hint="Check it by itself, or use fewer --jobs.",
+    )
+    return SkillVerdict(reference, None, None, None, error, "unreadable")
 
 
 def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Certificate:
@@ -134,7 +168,9 @@ def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Cer
     return certify(source.skill, digest=source.artifact.digest)
 
 
-def _verdict(reference: str, store: str | Path | None, lock: Lock | None, required: Requirements) -> SkillVerdict:
+def _verdict(
+    reference: str, store: str | Path | None, lock: Lock | None, required: Requirements
+) -> SkillVerdict:
     try:
         source = open_skill(reference, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)

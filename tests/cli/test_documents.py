@@ -28,6 +28,7 @@ HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 RUNS = [
     ("learn", "learn FILES -o HERE/a.h5 --preset fast --components 2 --validate", 0),
     ("learn", "learn FILES -o HERE/a.h5 --preset fast --components 2 --validate", 0),  # up to date
+    ("learn", "learn --batch HERE/many.toml --store HERE/batch", 5),
     ("merge", "merge curve hook -o HERE/m.h5 --store LIBRARY", 0),
     ("merge", "merge curve hook -o HERE/m.h5 --store LIBRARY", 0),  # up to date
     ("merge", "merge curve hook -o HERE/f.h5 --store LIBRARY --fit FILES", 0),
@@ -110,6 +111,12 @@ def documents(library, curve_files, tmp_path_factory):
     matrices[0] = np.eye(2)
     save(replace(skill, system_matrices=matrices), here / "unstable.h5")
     shutil.copytree(library, here / "signed")
+    (here / "batch").mkdir()
+    (here / "many.toml").write_text(
+        "[options]\npreset = 'fast'\ncomponents = 2\n"
+        f"[[skills]]\nname = 'a'\ndata = {[str(file) for file in curve_files]}\n"
+        "[[skills]]\nname = 'b'\ndata = 'many.toml'\n"
+    )
     key = Ed25519PrivateKey.generate()
     (here / "key.pem").write_bytes(
         key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, serialization.NoEncryption())

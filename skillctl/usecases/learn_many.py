@@ -1,0 +1,150 @@
+"""Many skills learned from one manifest: each proved, written and reported as ``learn`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from skillctl.errors import SkillctlError, StoreError
+from skillctl.store import locate_store
+from skillctl.usecases.learn import LearnReport, LearnRequest, Made, finish, make
+from skillctl.usecases.make import finish_target
+from skillctl.usecases.manifest import Manifest, read_manifest
+from skillctl.usecases.progress import Progress
+from skillctl.workers import WorkerDied, Workers
+
+Outcome: TypeAlias = Literal["learned", "up to date", "failed"]
+
+
+@dataclass(frozen=True)
+class SkillOutcome:
+    """What became of one skill of a manifest.
+
+    Attributes:
+        skill: Its name, or its file, as the manifest says it.
+        outcome: Whether it was learned, was there already, or could not be learned.
+        report: What ``learn`` reports of it; None if it failed.
+        error: Why it failed.
+    """
+
+    skill: str
+    outcome: Outcome
+    report: LearnReport | None
+    error: SkillctlError | None
+
+
+@dataclass(frozen=True)
+class LearnManyReport:
+    """What became of the skills of a manifest.
+
+    Attributes:
+        manifest: The file.
+        skills: In its order.
+        learned, up_to_date, failed: How many of them.
+    """
+
+    manifest: Path
+    skills: tuple[SkillOutcome, ...]
+    learned: int
+    up_to_date: int
+    failed: int
+
+
+def learn_many(
+    manifest: str | Path,
+    *,
+    store: str | Path | None = None,
+    force: bool = False,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> LearnManyReport:
+    """Learn the skills of a manifest; those that fail do not keep others from being learned.
+
+    Workers read and learn, and this process writes: as soon as a skill is there, in no certain order.
+
+    Args:
+        manifest: TOML file; see ``skillctl.usecases.manifest``.
+        store: Where names live; default as on the command line.
+        force: Learn even what is up to date.
+        workers: Who reads and learns; by default this process. None of them changes a result.
+        progress: Called with (skill and outcome, skills done, skills in all).
+
+    Raises:
+        NotFoundError: There is no manifest, or no such cluster.
+        InputDataError: The manifest is none; nothing is learned.
+    """
+    listed = read_manifest(Path(manifest))
+    place = locate_store(None if store is None else Path(store))
+    asked = [_request(listed, number, place, force) for number in range(len(listed.skills))]
+    requests = {number: each for number, each in enumerate(asked) if isinstance(each, LearnRequest)}
+    outcomes = {
+        number: _failed(listed, number, each)
+        for number, each in enumerate(asked)
+        if isinstance(each, SkillctlError)
+    }
+    numbers = list(requests)
+
+    def done(position: int, made: Made | SkillctlError | WorkerDied) -> None:
+        number = numbers[position]
+        outcome = outcomes[number] = _outcome(listed, number, requests[number], made)
+        if progress is not None:
+            progress(f"{outcome.skill} {outcome.outcome}", len(outcomes), len(asked))
+
+    if progress is not None:
+        progress("starting", len(outcomes), len(asked))
+    (workers or Workers()).run(_made, list(requests.values()), done=done)
+    return _report(listed, [outcomes[number] for number in range(len(asked))])
+
+
+def _request(manifest: Manifest, number: int, store: Path, force: bool) -> LearnRequest | SkillctlError:
+    try:
+        return manifest.request(manifest.skills[number], store, force)
+    except SkillctlError as error:
+        return error
+
+
+def _made(request: LearnRequest) -> Made | SkillctlError:
+    """Learn one skill, in a worker; a failure is a result."""
+    try:
+        return make(request)
+    except SkillctlError as error:
+        return error
+
+
+def _outcome(
+    manifest: Manifest, number: int, request: LearnRequest, made: Made | SkillctlError | WorkerDied
+) -> SkillOutcome:
+    """Write what was made, and say what became of it."""
+    if isinstance(made, WorkerDied):
+        made = StoreError(
+            "the process that learned it died: it was killed, or there was no memory left.",
+            hint="Learn it by itself, or use fewer --jobs.",
+        )
+    if isinstance(made, SkillctlError):
+        return _failed(manifest, number, made)
+    try:
+        report = finish(request, made)
+        finish_target(request.destination.file, request.paths, created=report.created)
+    except SkillctlError as error:
+        return _failed(manifest, number, error)
+    return SkillOutcome(manifest.skills[number].called, report.status, report, None)
+
+
+def _failed(manifest: Manifest, number: int, error: SkillctlError) -> SkillOutcome:
+    """Return the outcome of a skill that could not be learned; its error says which one it is."""
+    called = manifest.skills[number].called
+    error.args = (f"{called}: {error}", *error.args[1:])
+    return SkillOutcome(called, "failed", None, error)
+
+
+def _report(manifest: Manifest, outcomes: Sequence[SkillOutcome]) -> LearnManyReport:
+    counts = {kind: sum(each.outcome == kind for each in outcomes) for kind in ("learned", "up to date")}
+    return LearnManyReport(
+        manifest=manifest.path,
+        skills=tuple(outcomes),
+        learned=counts["learned"],
+        up_to_date=counts["up to date"],
+        failed=len(outcomes) - sum(counts.values()),
+    )
