@@ -116,3 +116,19 @@ def test_the_python_example_runs(tour):
     )
     assert result.returncode == 0, result.stderr
     assert re.fullmatch(r"stable \[.*\]\n", result.stdout)
+
+
+@pytest.mark.skipif(not HAS_PYBULLET, reason="PyBullet has no wheel for this Python")
+def test_the_manifest_runs(tour, tmp_path):
+    folder, _ = tour
+    (manifest,) = blocks("toml")
+    (folder / "skills.toml").write_text(manifest)
+    (line,) = re.findall(r"`(learn --batch [^`]*)`", README)
+    result = subprocess.run(
+        [sys.executable, "-m", "skillctl", *line.split(), "--store", tmp_path],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (result.returncode, result.stdout.count("learned")) == (0, 2), result.stderr
