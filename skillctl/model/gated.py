@@ -9,15 +9,17 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.model.mixture import BLOCK, FARTHEST, quadratic_features, softmax
 
-SMALLEST_SUM = 1e-200  # below this the gates are normalised with their largest logit taken out first
-LOWEST_PEAK = -400.0  # the same for batches: exp of it is still far from vanishing
+# Beyond these the gates are normalised with their largest logit taken out first.
+SMALLEST_SUM, LARGEST_SUM = 1e-200, 1e200
+LOWEST_PEAK, HIGHEST_PEAK = -400.0, 400.0  # the same for batches: exp of them is far from 0 and infinity
 
 
 class GatedField:
     """f(ξ) = Σ_k h_k(ξ) M_k (ξ − o), h = softmax of quadratics of ξ − o.
 
     The logits of Gaussian components have a maximum, which is moved to zero once; so exp of them never
-    overflows, and near the data their sum does not vanish. Where it does, the largest is taken out first.
+    overflows, and near the data their sum does not vanish. Where it does, the largest is taken out first; so
+    it is where covariances are so small (1e-30) that rounding lifts logits above their maximum.
 
     Args:
         coefficients: Logits in the quadratic features of ξ − o, shape (K, F).
@@ -60,7 +62,7 @@ class GatedField:
         logits += self._constants
         mixed = self._table.dot(np.exp(logits))
         total = mixed[-1]
-        if total < SMALLEST_SUM:
+        if not SMALLEST_SUM < total < LARGEST_SUM:  # far away, or huge numbers rounded
             logits -= logits.max()
             mixed = self._table.dot(np.exp(logits))
             total = mixed[-1]
@@ -86,6 +88,7 @@ class GatedField:
     def _unnormalised(self, offsets: FloatArray) -> FloatArray:
         """Return gates for offsets (d, n) up to one positive factor per state. Shape (K, n)."""
         logits = self._coefficients @ quadratic_features(offsets)
-        if logits.max(axis=0).min() > LOWEST_PEAK:
+        peaks = logits.max(axis=0)
+        if peaks.min() > LOWEST_PEAK and peaks.max() < HIGHEST_PEAK:
             return np.asarray(np.exp(logits, out=logits))
         return softmax(logits)

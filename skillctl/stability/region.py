@@ -120,9 +120,15 @@ def _determinant_and_distance(
 
 
 def _slope(covariance: FloatArray, lyapunov: FloatArray) -> float:
-    """Return √s, s near the smallest with s P ≻ Σ⁻¹; decided exactly as s Σ P Σ − Σ ≻ 0."""
-    whitener = np.linalg.inv(np.linalg.cholesky(lyapunov))
-    s = float(np.linalg.eigvalsh(whitener @ np.linalg.inv(covariance) @ whitener.T)[-1])
+    """Return √s, s near the smallest with s P ≻ Σ⁻¹; decided exactly as s Σ P Σ − Σ ≻ 0.
+
+    Raises ArithmeticError where it is beyond float64.
+    """
+    with np.errstate(all="ignore"):
+        whitener = np.linalg.inv(np.linalg.cholesky(lyapunov))
+        s = float(np.linalg.eigvalsh(whitener @ np.linalg.inv(covariance) @ whitener.T)[-1])
+    if not math.isfinite(s):
+        raise ArithmeticError("covariance: its inverse is beyond float64.")
     sigma = Dyadic.of(covariance)
     product = sigma @ Dyadic.of(lyapunov) @ sigma
     growth = 2.0**-40

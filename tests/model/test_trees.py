@@ -166,6 +166,21 @@ def test_far_away_the_widest_part_acts(make_skill, distance):
     assert (skill.part_at(distance * directions) == 1).all()
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered in exp")
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("factor", [1e-20, 1e-30, 1e-100])
+def test_covariances_too_small_for_rounding_still_give_velocities_between_those_of_the_components(
+    make_skill, factor, seed
+):
+    skill = make_skill(np.random.default_rng(seed), attractor=[0.1, 0.2])
+    skill = replace(skill, covariances=factor * skill.covariances)
+    single = np.array([skill.velocity(state) for state in skill.means])
+    fastest = max(np.linalg.norm(matrix, 2) for matrix in skill.system_matrices)
+    limits = (1 + RELATIVE) * fastest * np.linalg.norm(skill.means - skill.attractor, axis=1)
+    for velocities in (single, skill.velocity(skill.means)):
+        assert (np.linalg.norm(velocities, axis=1) <= limits).all()
+
+
 def test_attractors_of_a_combined_skill(combined):
     assert attractors_of(combined).tolist() == [[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]
     assert not combined.aligned

@@ -87,11 +87,13 @@ def test_a_tie_at_the_attractor_gives_no_radius(make_skill):
     assert certified_radius(skill, 0) is None
 
 
-def test_numbers_beyond_float64_give_no_radius(make_skill):
-    tiny = GaussianMixture([1.0], [[1e160, 0.0]], [1e-160 * np.eye(2)])
-    near = GaussianMixture([1.0], [[0.0, 0.0]], [np.eye(2)])
-    skill = two_parts(make_skill, np.random.default_rng(4), ([0.0, 0.0], [1.0, 0.0]), [near, tiny])
+@pytest.mark.parametrize("size", [1e-320, 1e-310])
+def test_numbers_beyond_float64_give_no_radius(make_skill, size):
+    near = GaussianMixture([1.0], [[0.0, 0.0]], [1e-3 * np.eye(2)])
+    skill = two_parts(make_skill, np.random.default_rng(4), ([0.0, 0.0], [1.0, 0.0]), [near, near])
+    skill = replace(skill, parts=tuple(replace(part, lyapunov=size * np.eye(2)) for part in skill.parts))
     assert certified_radius(skill, 0) is None
+    assert certify(skill).verdict != "stable"
 
 
 @settings(deadline=None, max_examples=30)

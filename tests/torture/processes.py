@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skillctl import store
 from skillctl.cli.errors import describe
-from skillctl.store import publishing
+from skillctl.store import publishing, registry
 
 TEMPLATE = Path(__file__).parents[1] / "archives" / "v1" / "seds.h5"
 
@@ -38,6 +38,7 @@ def forked(work: Callable[[Tell], None]) -> tuple[int, int]:
     code = 70
     try:
         os.close(receiving)
+        registry.PUBLISHED.clear()  # what the parent did is not told here
         work(lambda line: os.write(sending, f"{line}\n".encode()) and None)
         code = 0
     except KeyboardInterrupt as stop:
