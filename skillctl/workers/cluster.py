@@ -17,7 +17,7 @@ from typing import Any
 import skillctl
 from skillctl.errors import NotFoundError, StoreError, UsageError, printable
 from skillctl.workers import Item, Result, WorkerDied
-from skillctl.workers.threads import with_one_thread
+from skillctl.workers.threads import one_in_what_is_loaded
 
 AHEAD = 1000  # items on the cluster at once: more than it has workers, and no more than a scheduler likes
 TIMEOUT = 10.0  # [s], for a scheduler to answer, and for a first worker
@@ -104,8 +104,8 @@ def _in_same_surroundings(here: dict[str, str], task: Callable[[Item], Result], 
                 "here.",
                 hint="Start `dask worker` in this directory, with the same packages and surroundings.",
             )
-    with _one_at_a_time:
-        return with_one_thread(task, item)
+    with _one_at_a_time, one_in_what_is_loaded():
+        return task(item)
 
 
 def _result(future: Any) -> Any:

@@ -11,12 +11,11 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from functools import partial
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from skillctl.workers import Item, Result, WorkerDied
-from skillctl.workers.threads import one_by_environment, with_one_thread
+from skillctl.workers.threads import one_by_environment, one_in_what_is_loaded
 
 
 def run_in_processes(
@@ -37,11 +36,10 @@ def run_in_processes(
     Raises:
         Whatever ``task`` raises, for the first item that is noticed.
     """
-    alone = partial(with_one_thread, task)
     waiting = deque(enumerate(items))
     while waiting:
-        for numbered in (yield from _run_until_a_death(alone, waiting, jobs)):
-            if (yield from _run_until_a_death(alone, deque([numbered]), 1)):
+        for numbered in (yield from _run_until_a_death(task, waiting, jobs)):
+            if (yield from _run_until_a_death(task, deque([numbered]), 1)):
                 yield numbered[0], WorkerDied()
 
 
@@ -94,8 +92,9 @@ def _submit(executor: ProcessPoolExecutor, task: Callable[[Any], Result], item: 
 
 
 def _begin() -> None:
-    """Watch, in a worker, for the end of the process that started it: a killed parent leaves no orphans."""
+    """Make a new process a worker: one thread for linear algebra, and no orphan if its parent is killed."""
     one_by_environment()
+    one_in_what_is_loaded()  # by the program that runs, which a new process imports first
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-
-from skillctl.workers import Item, Result
+from typing import Any
 
 # The matrices of a skill are tiny: more BLAS threads only cost time, and one thread gives every machine the
 # same sums. The variables count only if they are set before NumPy is imported.
@@ -18,9 +16,8 @@ def one_by_environment() -> None:
         os.environ[variable] = "1"
 
 
-def with_one_thread(task: Callable[[Item], Result], item: Item) -> Result:
-    """Return task(item), libraries that are loaded already having one thread meanwhile."""
+def one_in_what_is_loaded() -> Any:
+    """Let libraries that are loaded already have one thread; as a context manager, for a block only."""
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(1):
-        return task(item)
+    return threadpool_limits(1)

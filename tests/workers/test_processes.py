@@ -37,6 +37,10 @@ def dies_once(item):
 def refuses(item):
     raise ValueError(f"item {item}")
 
+def threads(item):
+    from threadpoolctl import threadpool_info
+    return [pool["num_threads"] for pool in threadpool_info()]
+
 def sleeps(item):
     Path(f"pid-{os.getpid()}").touch()
     time.sleep(60)
@@ -53,6 +57,16 @@ if __name__ == "__main__":
         list(run_in_processes(worker_tasks.sleeps, [0, 1, 2, 3], 2))
     except KeyboardInterrupt:
         sys.exit(130)
+"""
+
+
+PROGRAM = """
+import numpy
+from skillctl.workers.processes import run_in_processes
+import worker_tasks
+
+if __name__ == "__main__":
+    print(list(run_in_processes(worker_tasks.threads, [0], 1)))
 """
 
 
@@ -88,6 +102,18 @@ def test_who_was_only_near_a_crash_is_run_again(tasks: ModuleType) -> None:
 def test_what_a_task_raises_is_raised_here(tasks: ModuleType) -> None:
     with pytest.raises(ValueError, match="item 7"):
         list(run_in_processes(tasks.refuses, [7], 1))
+
+
+def test_a_worker_has_one_thread_even_if_the_program_has_loaded_its_libraries_first(
+    tasks: ModuleType, tmp_path: Path
+) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    surroundings = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    result = subprocess.run(
+        [sys.executable, "program.py"], env=surroundings, capture_output=True, text=True, check=True
+    )
+    assert set(result.stdout.strip()) <= set("[(0, 1)]"), result.stdout
+    assert ", [1" in result.stdout
 
 
 def alive(pids: list[int]) -> list[int]:
