@@ -202,7 +202,7 @@ def simulate(
             output.note(f"note: {note}")
         output.result(batch, lambda: many.blocks(batch))
         raise typer.Exit(ExitCode.DONE if batch.enough else ExitCode.NEGATIVE)
-    many.refuse_for_one(table=table, overview=overview)
+    many.refuse_for_one(table=table, overview=overview, jobs=jobs, scheduler=scheduler)
     with output.progress("simulating") as progress:
         report = simulate_skill(
             skill,

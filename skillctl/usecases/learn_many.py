@@ -76,7 +76,8 @@ def learn_many(
         InputDataError: The manifest is none; nothing is learned.
     """
     listed = read_manifest(Path(manifest))
-    place = locate_store(None if store is None else Path(store))
+    # Found here, whatever the surroundings of workers say; files need none.
+    place = locate_store(store) if any(entry.name for entry in listed.skills) else None
     asked = [_request(listed, number, place, force) for number in range(len(listed.skills))]
     requests = {number: each for number, each in enumerate(asked) if isinstance(each, LearnRequest)}
     outcomes = {
@@ -98,7 +99,9 @@ def learn_many(
     return _report(listed, [outcomes[number] for number in range(len(asked))])
 
 
-def _request(manifest: Manifest, number: int, store: Path, force: bool) -> LearnRequest | SkillctlError:
+def _request(
+    manifest: Manifest, number: int, store: Path | None, force: bool
+) -> LearnRequest | SkillctlError:
     try:
         return manifest.request(manifest.skills[number], store, force)
     except SkillctlError as error:

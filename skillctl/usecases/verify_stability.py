@@ -14,7 +14,7 @@ from skillctl.model import Skill
 from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 from skillctl.stability import Certificate, certify
 from skillctl.stability.report import at_least
-from skillctl.store import Lock
+from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
 from skillctl.usecases.files import open_skill
 from skillctl.usecases.progress import Progress
@@ -133,8 +133,10 @@ def verify_stability(
             outcome = "unreadable" if isinstance(verdict, WorkerDied) else verdict.outcome
             progress(f"{named[position]} {outcome}", finished, len(named))
 
-    task = partial(_verdict, store=store, lock=lock, required=required)
-    verdicts = (workers or Workers()).run(task, named, done=done)
+    workers = workers or Workers()
+    place = store if workers.scheduler is None else locate_store(store)  # our surroundings decide, not theirs
+    task = partial(_verdict, store=place, lock=lock, required=required)
+    verdicts = workers.run(task, named, done=done)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict

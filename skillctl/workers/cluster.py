@@ -22,7 +22,7 @@ from skillctl.workers.threads import one_in_what_is_loaded
 AHEAD = 1000  # items on the cluster at once: more than it has workers, and no more than a scheduler likes
 TIMEOUT = 10.0  # [s], for a scheduler to answer, and for a first worker
 ADDRESS = re.compile(r"([a-z]+://)?(\[[0-9a-f:]+\]|[^\s:/]+):\d{1,5}/?")
-DECIDING = ("numpy", "scipy")  # their versions decide the last digits
+DECIDING = ("numpy", "scipy", "pybullet")  # their versions decide the last digits
 
 _one_at_a_time = threading.Lock()  # threads of one worker would share standard output and thread limits
 

@@ -74,6 +74,7 @@ def test_a_crashed_episode_is_one_failure(run, library: Path, monkeypatch: pytes
         (("--episodes", 2, "--log", "a.csv"), "--log is about one episode"),
         (("--overview", "a.png"), "--overview is about many episodes"),
         (("--episode", 1, "--table", "a.csv"), "--table is about many episodes"),
+        (("--episode", 1, "--jobs", 2), "--jobs is about many episodes"),
         (("--episodes", 0), "episodes"),
         (("--episodes", 2, "--jobs", 0), "jobs: must be at least 1"),
         (("--episodes", 2, "--min-success", 90), "a share from 0 to 1"),

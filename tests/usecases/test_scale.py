@@ -116,7 +116,9 @@ def test_two_processes_write_the_same_bytes_and_find_them_up_to_date(project: Pa
     assert made(project) == bytes_alone
 
 
-def test_a_cluster_gives_the_same_skills_verdicts_and_episodes(project: Path, cluster: str, run) -> None:
+def test_a_cluster_gives_the_same_skills_verdicts_and_episodes(
+    project: Path, cluster: str, run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     learn_many("many.toml")
     alone = made(project)
     dask = ("--backend", "dask", "--scheduler", cluster)
@@ -124,6 +126,8 @@ def test_a_cluster_gives_the_same_skills_verdicts_and_episodes(project: Path, cl
     assert (result.exit_code, result.stderr.count("error: ")) == (5, 2)
     assert {str(p.relative_to(project)): p.read_bytes() for p in project.rglob("*.h5")} == alone
 
+    (project / "skills").rename(project / "shop")
+    monkeypatch.setenv("SKILLCTL_STORE", "shop")  # the workers know nothing of it
     files = ["hook.h5", "curve", "nowhere.h5"]
     here, there = run("verify-stability", *files, "--json"), run("verify-stability", *files, *dask, "--json")
     assert (here.exit_code, here.stdout) == (there.exit_code, there.stdout)
