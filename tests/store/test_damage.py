@@ -9,7 +9,7 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
-from skillctl.store import errors, files
+from skillctl.store import errors, files, reader
 
 
 @pytest.fixture
@@ -183,3 +183,33 @@ def test_control_characters_of_a_name_are_never_echoed(good):
         store.decode(good[:-1], "a\x1b[2J\u202e.h5")
     assert str(caught.value).isprintable()
     assert r"a\x1b[2J\u202e.h5" in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [
+    OSError, RuntimeError, ValueError, TypeError, KeyError, AttributeError, OverflowError, IndexError,
+    UnicodeDecodeError, RecursionError, MemoryError, NotImplementedError, SystemError,
+])  # fmt: skip
+@pytest.mark.parametrize("place", ["File", "checked_datasets"])
+def test_whatever_hdf5_raises_is_one_sentence(good, monkeypatch, kind, place):
+    def raising(*_, **__):
+        raise kind("utf-8", b"x", 0, 1, "y") if kind is UnicodeDecodeError else kind("\x1b[2J" * 99)
+
+    owner = reader.h5py if place == "File" else reader
+    monkeypatch.setattr(owner, place, raising)
+    with pytest.raises(
+        errors.InvalidArtifactError, match=r"reach\.h5 .*HDF5 cannot read it \(\w+Error"
+    ) as caught:
+        store.decode(good, "reach.h5")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+    assert isinstance(caught.value.__cause__, kind)
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit])
+def test_an_interrupt_is_no_damage(good, monkeypatch, kind):
+    def raising(*_):
+        raise kind
+
+    monkeypatch.setattr(reader, "checked_datasets", raising)
+    with pytest.raises(kind):
+        store.decode(good)

@@ -19,7 +19,7 @@ from h5py import h5a, h5d, h5g, h5p, h5s, h5t
 from skillctl import store
 from skillctl.errors import ArtifactError
 from skillctl.store import errors
-from skillctl.store.layout import MAX_TOTAL_BYTES, require_layout
+from skillctl.store.layout import ARRAYS, MAX_TOTAL_BYTES, require_layout
 
 MEANS = "model/means"
 
@@ -605,9 +605,106 @@ def test_metadata_is_strict_json(with_meta, text, cause):
     (f'"sha256": "{"0" * 64}"', f'"sha256": "{"0" * 64}\\n"', "sha256"),
     ('"command": "combine"', '"command": "rm -rf"', "operation.command"),
     ('"date": null', '"date": "yesterday"', "provenance.date"),
+    ('"date": null', '"date": "2020-02-29T12:00:00"', "provenance.date"),
+    ('["x", "y"], "unit": "m"', '["x", "y"], "unit": "mm"', "state.unit"),
+    ('"kind": "euclidean"', '"kind": "quaternion"', "state.kind"),
+    ('"unit": "m"}, "results"', '"Unit": "m"}, "results"', "operation.options"),
+    ('"unit": "m"}, "results"', f'"{"u" * 65}": "m"}}, "results"', "operation.options"),
+    ('"unit": "m"}, "results"', '"unit": {"m": 1}}, "results"', "operation.options"),
+    ('"unit": "m"}, "results"', '"unit": [["m"]]}, "results"', "operation.options"),
+    ('"unit": "m"}, "results"', f'"unit": "{"m" * 1001}"}}, "results"', "operation.options"),
+    ('"disturbance_distance": 0.1', '"disturbance_distance": 0', "disturbance_distance"),
+    ('"part_weights": [0.3, 0.7]', '"part_weights": [0.3, 0.6]', "part_weights: must be positive and sum"),
+    ('"part_weights": [0.3, 0.7]', '"part_weights": [-0.3, 1.3]', "part_weights"),
+    ('"importer": "csv"', '"importer": ""', "importer"),
+    ('"version": 3', '"version": 0', "version"),
+    ('"version": 3', '"version": 1000000', "version"),
+    ('"role": "part"', '"role": ""', "role"),
+    (f'"digest": "sha256:{"1" * 64}"', f'"digest": "{"1" * 64}"', "digest"),
+    ('"numpy": "2.0.0"', '"numpy": 2', "libraries"),
+    ('"tool": "0.1.0"', '"tool": ""', "provenance.tool"),
 ])  # fmt: skip
 def test_metadata_has_exactly_the_fields_of_the_format(with_meta, meta, old, new, cause):
     refuse(with_meta(spelled(meta, old, new)), f"/meta.json: .*{cause}|{cause}")
+
+
+@pytest.mark.parametrize("change", [
+    {"n_points": 1}, {"duration": 0}, {"dtw": -1e-9}, {"end_error": -1}, {"velocity_rmse": -1},
+    {"arrived": 1}, {"leaf": -1}, {"source": "x" * 201}, {"extra": 1},
+], ids=repr)  # fmt: skip
+def test_reports_have_exactly_the_fields_of_the_format(with_meta, meta, change):
+    reports = [{**meta["reports"][0], **change}]
+    refuse(with_meta(json.dumps({**meta, "reports": reports}).encode()), f"reports.0.{next(iter(change))}")
+
+
+@pytest.mark.parametrize("note", ["", "x" * 1001, "a\nb", 1])
+def test_notes_are_short_texts(with_meta, meta, note):
+    operation = {**meta["operation"], "note": note}
+    refuse(with_meta(json.dumps({**meta, "operation": operation}).encode()), "operation.note")
+
+
+def test_what_may_be_left_out_may_and_a_whole_number_is_a_float(with_meta, meta):
+    operation = {"command": meta["operation"]["command"]}
+    less = {
+        **meta,
+        "operation": operation,
+        "provenance": {"tool": "x"},
+        "skill": {**meta["skill"], "speed": 1},
+    }
+    del less["reports"]
+    read = store.decode(with_meta(json.dumps(less, indent=3).encode(), honest=True))
+    assert (read.reports, read.operation.options, read.operation.seed, read.skill.speed) == (
+        (),
+        {},
+        None,
+        1.0,
+    )
+    assert (read.provenance.inputs, read.provenance.parents, read.provenance.libraries) == ((), (), {})
+
+
+@pytest.mark.parametrize("key", ["skill", "state", "operation", "provenance"])
+def test_nothing_else_may_be_left_out(with_meta, meta, key):
+    refuse(
+        with_meta(json.dumps({k: v for k, v in meta.items() if k != key}).encode()), f"{key}: Field required"
+    )
+
+
+@pytest.mark.parametrize(
+    ("length", "most"),
+    [("K", 4096), ("M", 4096), ("L", 256), ("d", 64), ("D", 4096), ("N", 4194304), ("B", 65536)],
+)
+def test_every_length_has_its_limit(length, most):
+    path = next(path for path, spec in ARRAYS.items() if length in spec.lengths)
+
+    def shape(size):
+        return tuple(size if name == length else 1 for name in ARRAYS[path].lengths)
+
+    partner = {"demonstrations/offsets": (most + 1,)} if length == "D" else {}
+    require_layout({path: shape(most), **partner})
+    for size in (0, most + 1):
+        with pytest.raises(errors.Refusal, match=f"{length} = {size} is not within 1 to {most}"):
+            require_layout({path: shape(size)})
+
+
+def test_weights_may_miss_one_by_rounding_only(hostile):
+    def shifted(ulps):
+        def edit(body):
+            priors = body["model/priors"][()]
+            priors[0] += 1 - priors[:3].sum() + ulps * 2.0**-52  # the leaf's three
+            body["model/priors"][...] = priors
+
+        return edit
+
+    store.decode(hostile(shifted(20), honest=True))
+    refuse(hostile(shifted(30)), "leaf 0: priors: must be positive and sum to one")  # 8 n = 24
+
+
+def test_a_demonstration_that_never_moves(hostile):
+    def edit(body):
+        rows = slice(*body["demonstrations/offsets"][:2])
+        body["demonstrations/positions"][rows] = 0.5
+
+    refuse(hostile(edit), "motion-0.csv#0")
 
 
 def test_a_report_on_a_leaf_that_is_not_there(with_meta, meta):

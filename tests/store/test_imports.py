@@ -1,10 +1,14 @@
 """Listing a store is quick because it loads nothing heavy."""
 
+import ast
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+import skillctl
 from skillctl import store
 
 
@@ -36,6 +40,42 @@ def test_plugins_are_off_before_hdf5_starts():
     code = "from skillctl import store; store.read_skill; import os; print(os.environ['HDF5_PLUGIN_PRELOAD'])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "::\n"
+
+
+def calls(path: Path):
+    """Yield (dotted name, arguments) of every call in a module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), [ast.unparse(argument) for argument in node.args]
+
+
+def test_one_place_opens_hdf5_to_read_skills():
+    package = Path(skillctl.__file__).parent
+    opened = {
+        (str(path.relative_to(package)), name, *arguments[1:])
+        for path in package.rglob("*.py")
+        for name, arguments in calls(path)
+        if re.fullmatch(r"(h5py\.)?(File|h5f\.\w+)", name)
+    }
+    written = {("store/writer.py", "h5py.File", "'w'"), ("simulation/recording.py", "h5py.File", "'w'")}
+    assert opened - written == {
+        ("store/reader.py", "h5py.File", "'r'"),
+        ("demonstrations/hdf5.py", "h5py.File", "'r'"),  # other people's data, in a child of its own
+    }
+
+
+def test_only_one_module_of_the_store_imports_h5py_and_it_turns_plugins_off_first():
+    folder = Path(store.__file__).parent
+    importing = {
+        path.name: path
+        for path in folder.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if (isinstance(node, ast.Import) and any(alias.name.startswith("h5py") for alias in node.names))
+        or (isinstance(node, ast.ImportFrom) and (node.module or "").startswith("h5py"))
+    }
+    assert set(importing) == {"hdf5.py"}
+    text = importing["hdf5.py"].read_text(encoding="utf-8")
+    assert text.index('os.environ["HDF5_PLUGIN_PRELOAD"] = "::"') < text.index("import h5py\n")
 
 
 def test_every_public_name_exists():

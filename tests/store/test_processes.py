@@ -1,4 +1,4 @@
-"""What only shows between processes: same bytes anywhere, publishing at once, being killed, fuzz."""
+"""What only shows between processes: same bytes anywhere, publishing at once, being killed, memory."""
 
 import json
 import os
@@ -36,6 +36,8 @@ def test_the_same_content_gives_the_same_bytes_in_any_process(tmp_path):
             "TZ": "America/St_Johns",
             "LC_ALL": "C.UTF-8",
             "HDF5_PLUGIN_PATH": "/nowhere",
+            "OMP_NUM_THREADS": "2",
+            "OPENBLAS_NUM_THREADS": "2",
         },
     ]
     outputs = set()
@@ -49,7 +51,10 @@ def test_the_same_content_gives_the_same_bytes_in_any_process(tmp_path):
         outputs.add(run.stdout)
         time.sleep(0.01)  # another moment
     assert len(outputs) == 1
-    assert len(outputs.pop().splitlines()) == 3
+    made = [line.split() for line in outputs.pop().splitlines()]
+    pinned = json.loads(MAKE.with_name("digests.json").read_text())
+    assert len(made) >= 10
+    assert all(pinned[name] == digest for digest, _, name in made)
 
 
 # Publishing at once
@@ -134,64 +139,7 @@ def test_a_killed_writer_loses_nothing_it_reported_and_leaves_nothing_half(tmp_p
     assert len(list((root / "reach").iterdir())) == len(numbers)
 
 
-# Fuzz
-
-FUZZ = """
-import collections, hashlib, json, random, resource, sys
-from pathlib import Path
-from skillctl import store
-from skillctl.errors import ArtifactError
-
-resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
-good = Path(sys.argv[1]).read_bytes()
-digest, rng, counts = store.decode(good).digest, random.Random(sys.argv[2]), collections.Counter()
-
-def seal(body):
-    line = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\\ncombined {digest}\\n".encode()
-    return (b"\\x89SKILL\\r\\n\\x1a\\n" + line).ljust(512, b"\\0") + body
-
-def mutated(data):
-    data, kind = bytearray(data), rng.choice(["bit", "byte", "word", "zero", "swap", "cut", "extend", "copy"])
-    for _ in range(rng.randint(1, 6)):
-        i, j, n = rng.randrange(len(data)), rng.randrange(len(data)), rng.choice([1, 2, 4, 8, 64, 512])
-        i, j = min(i, len(data) - n), min(j, len(data) - n)
-        if kind == "bit": data[i] ^= 1 << rng.randrange(8)
-        elif kind == "byte": data[i] = rng.choice([0, 1, 2, 127, 128, 255])
-        elif kind == "word": data[i : i + 8] = rng.choice([b"\\xff" * 8, (j).to_bytes(8, "little")])
-        elif kind == "zero": data[i : i + n] = bytes(n)
-        elif kind == "swap" and abs(i - j) >= n:
-            data[i : i + n], data[j : j + n] = data[j : j + n], data[i : i + n]
-        elif kind == "copy": data[i : i + n] = data[j : j + n]
-        elif kind == "extend": data += rng.randbytes(n)
-        elif kind == "cut" and i > 1024: del data[i:]
-    return bytes(data)
-
-for _ in range(int(sys.argv[3])):
-    for resealed in (False, True):
-        data = seal(mutated(good[512:])) if resealed else mutated(good)
-        if data == good:
-            continue
-        try:
-            read = store.decode(data, "fuzz.h5")
-        except ArtifactError:
-            counts["refused"] += 1
-        else:
-            # Sealed by an attacker, other numbers are another skill; but without a seal nothing is read.
-            assert resealed, "a changed file was read"
-            counts["same" if read.digest == digest else "another skill"] += 1
-print(json.dumps(counts))
-"""
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_no_mutation_crashes_hangs_or_goes_unnoticed(tmp_path, good, seed):
-    (path := tmp_path / "good.h5").write_bytes(good)
-    child = python(FUZZ, path, seed, 400)
-    output, said = child.communicate(timeout=120)
-    assert (child.returncode, said) == (0, "")
-    counts = json.loads(output)
-    assert sum(counts.values()) > 700
-    assert counts["refused"] > 500
+# Memory
 
 
 def test_a_hostile_file_costs_little_memory(tmp_path, hostile):

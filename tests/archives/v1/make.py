@@ -1,8 +1,8 @@
 """Make the artifacts of this directory: python tests/archives/v1/make.py DIRECTORY
 
-One artifact of each kind, of numbers that are exact in binary and need no random generator, so that every
-build that writes format 1 makes files with the same content digests. Prints a line for each: content digest,
-SHA-256 of the file (which depends on the version of HDF5), name.
+Artifacts of each kind, gate and shape, of numbers that are exact in binary and need no random generator, so
+that every build that writes format 1 makes files with the same content digests. What is there is left alone.
+Prints a line for each new one: content digest, SHA-256 of the file (it depends on the version of HDF5), name.
 """
 
 from __future__ import annotations
@@ -42,6 +42,23 @@ def seds(offset: float, attractor: tuple[float, float] = (0.5, -0.25)) -> SedsSk
         density=GaussianMixture(np.array([1.0]), np.array([[offset, 0.5]]), covariance[None]),
         space=SPACE,
         speed=1.5,
+    )
+
+
+def joints() -> SedsSkill:
+    """Return a skill of one component in three joint angles, with two components of position density."""
+    return SedsSkill(
+        priors=np.array([1.0]),
+        means=np.array([[0.0, 0.5, -0.5]]),
+        covariances=np.diag([0.5, 0.25, 0.125])[None],
+        system_matrices=np.array([[[-1.0, 0.5, 0.0], [-0.5, -1.0, 0.25], [0.0, -0.25, -2.0]]]),
+        residual_covariances=np.diag([0.0625, 0.0625, 0.125])[None],
+        attractor=np.array([1.0, 0.0, -1.0]),
+        lyapunov=np.eye(3),
+        density=GaussianMixture(
+            np.array([0.5, 0.5]), np.array([[1.0, 0.0, -1.0], [0.0, 0.5, -0.5]]), np.stack([np.eye(3)] * 2)
+        ),
+        space=StateSpace(("shoulder", "elbow", "wrist"), unit="rad", frame="arm"),
     )
 
 
@@ -99,7 +116,22 @@ def archive() -> dict[str, store.Artifact]:
     left, right, other = seds(0.0), seds(1.0), seds(-1.0, (3.0, 4.0))
     merged = MergedSkill((left, right), np.array([0.25, 0.75]), "experts", sharpness=2.0, speed=0.5)
     combined = CombinedSkill((merged, other), np.array([0.5, 0.5]), "latched", 0.0625, 2.0)
+    halves, taught = np.array([0.5, 0.5]), (demonstrations(0.0), demonstrations(1.0))
+    added, dense = (
+        MergedSkill((left, right), halves),
+        MergedSkill((right, left), halves, "density", speed=0.25),
+    )
+    nested = MergedSkill((dense, left), np.array([0.125, 0.875]), "superposition")
+    instantaneous = CombinedSkill((left, other), halves, "instantaneous", 0.125)
+    aligned = CombinedSkill((left, dense), np.array([0.75, 0.25]), "instantaneous", 0.125, 0.5)
     return {
+        "seds-bare.h5": artifact(right, (None,), "learn"),
+        "seds-joints.h5": artifact(joints(), (None,), "learn"),
+        "merged-superposition.h5": artifact(added, taught, "merge"),
+        "merged-density.h5": artifact(dense, (None, None), "merge"),
+        "merged-nested.h5": artifact(nested, (*taught, None), "merge"),
+        "combined-instantaneous.h5": artifact(instantaneous, taught, "combine"),
+        "combined-aligned.h5": artifact(aligned, (demonstrations(-1.0), None, None), "combine"),
         "seds.h5": artifact(left, (demonstrations(0.0),), "learn"),
         "merged.h5": artifact(merged, (demonstrations(0.0), demonstrations(1.0)), "merge"),
         "combined.h5": artifact(combined, (None, demonstrations(1.0), demonstrations(-1.0)), "combine"),
@@ -107,8 +139,10 @@ def archive() -> dict[str, store.Artifact]:
 
 
 def main(directory: Path) -> None:
-    """Write the archive into a directory."""
+    """Write what is not there yet: what is there is never made again."""
     for name, content in archive().items():
+        if (directory / name).exists():
+            continue
         data = store.encode(content)
         store.write_file(directory / name, data)
         print(content.digest, hashlib.sha256(data).hexdigest(), name)
