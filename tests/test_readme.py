@@ -1,13 +1,12 @@
-"""The README is true: its lines are what CI runs, its outputs are what the commands print."""
+"""The README and its pages are true: what they say to type runs, and prints what they show."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
 import re
-import shlex
 import subprocess
 import sys
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import pytest
@@ -18,7 +17,24 @@ from skillctl.cli.exit_codes import ExitCode
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
-TOUR = [block.strip().split("\n") for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL)]
+DOCS = ROOT / "skillctl" / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+
+
+def _script():
+    """Return `.ci/readme`, which types what the pages say, as a module."""
+    loader = SourceFileLoader("readme", str(ROOT / ".ci" / "readme"))
+    spec = importlib.util.spec_from_loader("readme", loader)
+    module = importlib.util.module_from_spec(spec)
+    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # no cache beside the script
+    try:
+        loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = written
+    return module
+
+
+SCRIPT = _script()
 
 
 def blocks(language: str) -> list[str]:
@@ -43,11 +59,19 @@ def test_ci_runs_exactly_the_test_line_of_the_readme():
     assert 'bash -euo pipefail -c "$line"' in script
 
 
-def test_every_command_is_shown_and_every_shown_command_exists():
-    shown = set(re.findall(r"^\$ skillctl (\S+)", README, re.MULTILINE))
-    assert shown <= set(COMMANDS)
-    (besides,) = re.findall(r"^Besides.*?^\|", README, re.MULTILINE | re.DOTALL)
-    assert shown | set(re.findall(r"`([a-z][a-z-]*)(?: [^`]*)?`", besides)) == set(COMMANDS)
+def test_every_command_is_named_and_every_command_typed_exists():
+    typed = {
+        word
+        for page in PAGES
+        for word in re.findall(
+            r"^\$? ?skillctl (?:-q )?([a-z][a-z-]*)", page.read_text("utf-8"), re.MULTILINE
+        )
+    }
+    assert typed <= set(COMMANDS)
+    (around,) = re.findall(r"^And around them:\n\n(.*?)\n\n", README, re.MULTILINE | re.DOTALL)
+    six = set(re.findall(r"^\*\*([a-z-]+)\*\*", README, re.MULTILINE))
+    assert len(six) == 6
+    assert six | set(re.findall(r"`([a-z][a-z-]*)(?: [^`]*)?`", around)) == set(COMMANDS)
 
 
 def test_every_exit_code_is_explained():
@@ -55,35 +79,34 @@ def test_every_exit_code_is_explained():
     assert {int(code) for code in re.findall(r"\d+", table)} == set(ExitCode)
 
 
-def test_links_and_pictures_lead_somewhere():
-    targets = re.findall(r"\]\(([^)#:]+)\)", README)
-    assert targets
-    for target in targets:
-        assert (ROOT / target).is_file(), target
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_and_pictures_lead_somewhere(page):
+    targets = re.findall(r"\]\((?!https:)([^)#]*)", page.read_text(encoding="utf-8"))
+    for target in filter(None, targets):
+        assert (page.parent / target).is_file(), target
+
+
+def test_pictures_are_shown_and_small():
+    shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     for picture in (ROOT / ".github").glob("*.png"):
-        assert picture.name in README
+        assert picture.name in shown
         assert picture.stat().st_size < 300_000, picture
+
+
+def test_the_readme_is_short_and_leads_to_every_page():
+    assert README.count("\n") <= 300
+    for page in DOCS.glob("*.md"):
+        assert f"](skillctl/docs/{page.name})" in README
+        if SCRIPT.BLOCK.search(page.read_text(encoding="utf-8")):
+            assert page.stem in SCRIPT.PAGES
 
 
 @pytest.fixture(scope="module")
 def tour(tmp_path_factory):
-    """Every command of the README with what it prints, typed one after the other by a newcomer."""
+    """What came of every block of every page, run one after the other by a newcomer."""
     folder = tmp_path_factory.mktemp("tour")
-    environment = {name: value for name, value in os.environ.items() if name != "SKILLCTL_STORE"}
-    printed = []
-    for command, *expected in TOUR:
-        words = command.removeprefix("$ skillctl ")
-        spoken = " 2>&1" if words.startswith("quickstart") else ""  # it says on standard error what it types
-        result = subprocess.run(
-            ["bash", "-c", f"{shlex.quote(sys.executable)} -m skillctl {words}{spoken}"],
-            cwd=folder / "quickstart" if printed else folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        printed.append((command, expected, result))
-    return folder / "quickstart", printed
+    pages = [ROOT / "README.md", *(DOCS / f"{name}.md" for name in SCRIPT.PAGES)]
+    return {"folder": folder, **{page.stem: list(SCRIPT.followed(page, folder)) for page in pages}}
 
 
 def shape(text: str) -> str:
@@ -94,41 +117,30 @@ def shape(text: str) -> str:
 
 
 @pytest.mark.skipif(not HAS_PYBULLET, reason="PyBullet has no wheel for this Python")
-def test_the_outputs_shown_are_real(tour):
-    _, printed = tour
-    assert len(printed) == 7
-    for command, expected, result in printed:
-        assert result.returncode == 0, result.stdout
-        found = [shape(line) for line in result.stdout.strip().split("\n")]
-        assert found == [shape(line) for line in expected], f"{command}: .ci/readme writes it anew"
+@pytest.mark.parametrize("page", ["README", *SCRIPT.PAGES])
+def test_every_block_runs_and_the_outputs_shown_are_real(tour, page):
+    assert tour[page]
+    for language, body, result in tour[page]:
+        assert result.returncode == 0, f"{body}\n{result.stdout}{result.stderr or ''}"
+        if language == "console":
+            found = [shape(line) for line in result.stdout.strip().split("\n")]
+            expected = [shape(line) for line in body.strip().split("\n")[1:]]
+            assert found == expected, f"{body}: .ci/readme writes it anew"
 
 
 @pytest.mark.skipif(not HAS_PYBULLET, reason="PyBullet has no wheel for this Python")
-def test_the_python_example_runs(tour):
-    folder, _ = tour
-    (example,) = blocks("python")
-    result = subprocess.run(
-        [sys.executable, "-W", "error", "-c", example],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
-    assert re.fullmatch(r"stable \[.*\]\n", result.stdout)
+def test_the_loop_for_a_robot_arrives(tour):
+    (printed,) = [result.stdout for language, _, result in tour["robot"] if language == "python"]
+    assert re.fullmatch(r"arrived after [\d.]+ s, \d+ steps were too late\n", printed)
 
 
 @pytest.mark.skipif(not HAS_PYBULLET, reason="PyBullet has no wheel for this Python")
-def test_the_manifest_runs(tour, tmp_path):
-    folder, _ = tour
-    (manifest,) = blocks("toml")
-    (folder / "skills.toml").write_text(manifest)
-    (line,) = re.findall(r"`(learn --batch [^`]*)`", README)
-    result = subprocess.run(
-        [sys.executable, "-m", "skillctl", *line.split(), "--store", tmp_path],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
+def test_the_loop_for_a_robot_refuses_a_period_beyond_the_proof(tour):
+    (loop,) = [body for language, body, _ in tour["robot"] if language == "python"]
+    slow = loop.replace(
+        '(FakeRobot(), "skills/shelf/1.h5")', '(FakeRobot(), "skills/shelf/1.h5", period=0.05)'
     )
-    assert (result.returncode, result.stdout.count("learned")) == (0, 2), result.stderr
+    assert slow != loop
+    refused = SCRIPT.run("python", slow, tour["folder"] / "quickstart")
+    assert refused.returncode == 1
+    assert "skills/shelf/1.h5: stable, with steps of up to 0.01" in refused.stderr
