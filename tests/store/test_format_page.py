@@ -6,7 +6,19 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from skillctl.store import canonical, errors, files, layout, references, schema, seal, tree
+from skillctl.store import (
+    aliases,
+    canonical,
+    errors,
+    files,
+    layout,
+    numbering,
+    publishing,
+    references,
+    schema,
+    seal,
+    tree,
+)
 
 PAGE = (Path(schema.__file__).parent / "FORMAT.md").read_text(encoding="utf-8")
 
@@ -50,6 +62,18 @@ def test_numbers_agree():
     assert re.search(rf"at most {schema.MAX_LABEL}\s+characters", PAGE)
     assert f"at most {schema.MAX_TEXT} characters" in PAGE
     assert errors.READABLE_FORMATS == (seal.FORMAT_VERSION,)
+
+
+def test_the_store_is_described_as_it_is():
+    section = PAGE[PAGE.index("## 6.") : PAGE.index("## 7.")]
+    assert f"`{publishing.TEMPORARY_PREFIX}`" in section
+    assert f"`.{aliases.REFS_FILE}.`" in section
+    assert f"mode 0{publishing.FILE_MODE:o}" in section
+    assert files.STALE_SECONDS == 3600
+    assert "older than an hour" in section
+    assert f"`<version>.h5{numbering.SIGNATURE_SUFFIX}`" in section
+    for pattern in (references._NAME, references._WORD):
+        assert f"`{pattern.pattern}`" in section
 
 
 def test_every_error_is_explained():

@@ -26,3 +26,15 @@ def test_no_spoiled_artifact_crashes_hangs_or_is_silently_read_as_another(tmp_pa
     assert unchanged < 300
     assert "0 broke a rule" in said
     assert list(tmp_path.iterdir()) == []
+
+
+def test_whoever_is_killed_or_interrupted_leaves_a_whole_store(tmp_path):
+    arguments = ("--count", 12, "--stride", 23, "--commands", 2, "--writers", 4, "--each", 4)
+    said = command("kill", *arguments, folder=tmp_path).splitlines()
+    assert [line.split(":")[0] for line in said] == [
+        "killed at random", "killed before a line", "interrupted before a line", "terminated before a line",
+        "commands stopped", "writers at once",
+    ]  # fmt: skip
+    assert "BROKE" not in "".join(said)
+    for line in said[1:3]:  # each operation was stopped at several places
+        assert all(int(n) >= 3 for n in re.findall(r"(?:publish|tag|untag|remove)\w* (\d+)", line))

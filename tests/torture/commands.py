@@ -41,11 +41,11 @@ class Commands:
         start = time.monotonic()
         process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         if stop is not None:
-            time.sleep(self.rng.uniform(0, 1.05 * self.seconds[name]))
+            time.sleep(self.rng.uniform(0, self.seconds[name]))
             process.send_signal(stop)
         _, said = process.communicate(timeout=120)
-        if stop is None:
-            self.seconds[name] = time.monotonic() - start
+        if process.returncode == 0:
+            self.seconds[name] = min(time.monotonic() - start, self.seconds.get(name, 600.0))
         return name, process.returncode, said
 
 
