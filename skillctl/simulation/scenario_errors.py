@@ -54,7 +54,7 @@ def _expected(detail: ErrorDetails) -> str:
         case "tuple_type":
             return "must be a list of numbers"
         case "too_short":
-            return "must have at least one number"
+            return "must not be empty"
         case "too_long":
             return f"must have {detail['ctx']['max_length']} numbers"
     return detail["msg"].replace("Input should be", "must be")
