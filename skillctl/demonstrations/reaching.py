@@ -31,6 +31,7 @@ STARTS: Box = ((0.385, 0.44), (-0.12, 0.12), (0.52, 0.58))  # as low as the exam
 LOW_STARTS: Box = ((0.385, 0.44), (-0.12, 0.12), (0.10, 0.20))  # a hand resting on the table: all goes up
 DURATION = (2.4, 3.8)  # [s]
 RATE = 100  # samples per second
+LARGEST_MANNER = 0.15  # [m]: as far as the straight entry is tested
 PATH_POINTS = 2001  # of the path before timing: chords of 0.3 mm, 1000 times shorter than its bends
 
 
@@ -47,7 +48,13 @@ def target_of(place: str) -> FloatArray:
 
 
 def reaching_demonstrations(
-    place: str, count: int = COUNT, seed: int = SEED, *, starts: Box = STARTS, variability: float = 1.0
+    place: str,
+    count: int = COUNT,
+    seed: int = SEED,
+    *,
+    starts: Box = STARTS,
+    variability: float = 1.0,
+    manner: float = 0.0,
 ) -> DemonstrationSet:
     """Return ``count`` reaches to a place, each ending at the cup after at least 10 cm of straight motion.
 
@@ -61,9 +68,11 @@ def reaching_demonstrations(
         seed: Any integer from 0.
         starts: Box in which the reaches start, below and in front of the place.
         variability: How much the ways of reaching differ, from 0, all alike but for start and duration, to 1.
+        manner: How far the hand swings out on its way to either side, and is lifted on its way to the top,
+            [m]; with 0 one way of reaching does for all places.
 
     Raises:
-        UsageError: No such place, or a count or seed below its least value.
+        UsageError: No such place, or a number outside its range.
 
     References:
         Minimum jerk: Flash & Hogan 1985, Eq. 3. The shapes of path and variability are ours.
@@ -73,9 +82,12 @@ def reaching_demonstrations(
         raise UsageError(f"count and seed: at least 1 and 0, got {count} and {seed}.")
     if not 0 <= variability <= 1:
         raise UsageError(f"variability: from 0 to 1, not {variability:g}.")
+    if not 0 <= manner <= LARGEST_MANNER:
+        raise UsageError(f"manner: from 0 to {LARGEST_MANNER:g}, not {manner:g}.")
+    swing = _swing(place, manner)
     # Uniform doubles straight from the bits: distributions may change between NumPy versions, these do not.
     streams = [np.random.Generator(np.random.PCG64([seed, PLACES.index(place), i])) for i in range(count)]
-    reaches = (_reach(_Style.drawn(stream, starts, variability), target) for stream in streams)
+    reaches = (_reach(_Style.drawn(stream, starts, variability), target, swing) for stream in streams)
     demonstrations = (
         Demonstration.from_positions(times, positions, f"{place} {index}")
         for index, (times, positions) in enumerate(reaches, start=1)
@@ -121,9 +133,15 @@ class _Style:
         )
 
 
-def _reach(style: _Style, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _swing(place: str, manner: float) -> FloatArray:
+    """Return the bow that belongs to a place: outwards on its side, upwards to the top. Shape (3,), [m]."""
+    height, side = place.split("-")
+    return manner * np.array([0.0, np.sign(SIDES[side]), float(height == "top")])
+
+
+def _reach(style: _Style, target: FloatArray, swing: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return times (T,) and positions (T, 3) of one reach, sampled at RATE and rounded."""
-    path = _path(style, target)
+    path = _path(style, target, swing)
     steps = np.diff(path, axis=0)
     arc = np.concatenate([[0.0], np.cumsum(np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2 + steps[:, 2] ** 2))])
     samples = round(style.duration * RATE) + 1
@@ -132,7 +150,7 @@ def _reach(style: _Style, target: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.round(np.arange(samples) / RATE, DECIMALS), np.round(positions, DECIMALS)
 
 
-def _path(style: _Style, target: FloatArray) -> FloatArray:
+def _path(style: _Style, target: FloatArray, swing: FloatArray) -> FloatArray:
     """Return the path as a smooth curve, not yet timed. Shape (PATH_POINTS, 3)."""
     u = np.linspace(0.0, 1.0, PATH_POINTS)
     progress = np.stack(
@@ -144,7 +162,7 @@ def _path(style: _Style, target: FloatArray) -> FloatArray:
         axis=1,
     )
     bow, bend = _detours(u / style.vertical_end)
-    detour = bow[:, None] * style.sway[:, 0] + bend[:, None] * style.sway[:, 1]
+    detour = bow[:, None] * (style.sway[:, 0] + swing) + bend[:, None] * style.sway[:, 1]
     return style.start + progress * (target - style.start) + detour
 
 

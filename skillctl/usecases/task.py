@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from skillctl import compose, metrics
 from skillctl.arrays import FloatArray
 from skillctl.errors import FitError
-from skillctl.model import DemonstrationSet, MergedSkill, SedsSkill, Skill, rollout
+from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, SedsSkill, Skill, StateSpace, rollout
 from skillctl.model.contraction import contraction_periods
 from skillctl.usecases.follow import FitLevel, follow, slowed
 
 PER_PART = "weights per part"
+NEIGHBOURHOOD = 0.1  # of the way to its end, that starts next to a demonstrated one are away from it
+PAIRED = 4  # single parts, the nearest, of which pairs are tried
 PATIENCE = 5  # durations of the longest demonstration that a motion is followed
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
@@ -43,7 +46,8 @@ class FittedMerger:
     Attributes:
         skill: Superposition of the parts used; its speed is the sum of the weights.
         used: Indices of the parts with a weight.
-        choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
+        choice: The best way: ``one part``, ``equal weights``, ``equal weights of two``, ``weights per part``
+            or ``per component``.
         errors: On the demonstrations given.
         held_out: The same on each demonstration with weights fitted to the others; None for a single one.
     """
@@ -57,7 +61,10 @@ class FittedMerger:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """One way to merge, its weights (number of given parts,), and its error on every demonstration (n,)."""
+    """One way to merge, its weights (number of given parts,), and its error on demonstrations and neighbours.
+
+    Distances have shape (n, 1 + 2d): each demonstration comes first, then its neighbours.
+    """
 
     skill: MergedSkill
     weights: FloatArray
@@ -81,9 +88,9 @@ def fit_to_task(
 
     Least squares on velocities (``compose.adapt``) say little about where a motion goes; so the best of
     those weights, equal ones and one part alone is where ``follow`` starts to fit whole motions, and of
-    everything tried the mean DTW distance decides: on these demonstrations the result is never worse than
-    one part alone or equal weights. What it does not show: how near motions from other starts come, for
-    which see ``held_out``.
+    everything tried that is on these demonstrations no worse than one part alone or equal weights, the mean
+    DTW distance to them and to their neighbours decides. What it does not show: how near motions from other
+    starts come, for which see ``held_out``.
 
     Args:
         parts: Two or more SEDS or merged skills.
@@ -98,8 +105,10 @@ def fit_to_task(
     if target is None:
         target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
     parts = compose.merge(parts, target=target, lyapunov=lyapunov).parts
-    plain = _unfitted(parts, task)
-    best = _best([*plain, *_fitted(plain, parts, task, level)])
+    families = [_family(motion, task.space) for motion in task]
+    plain = _unfitted(parts, families)
+    pairs = _pairs(plain, families)
+    best = _best(plain, _fitted(plain, pairs, parts, families, level))
     if not np.isfinite(best.distances).all():
         raise FitError(
             "merge: no mixture of these skills follows the demonstrations without diverging.",
@@ -107,9 +116,9 @@ def fit_to_task(
         )
     held_out = None
     if len(task) > 1:
-        folds = [_best([*plain, *_fitted(plain, parts, task, level, i)], i) for i in range(len(task))]
-        held_out = _errors(plain, np.array([fold.distances[i] for i, fold in enumerate(folds)]))
-    errors = _errors(plain, best.distances)
+        folds = [_best(plain, _fitted(plain, pairs, parts, families, level, i), i) for i in range(len(task))]
+        held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
+    errors = _errors(plain, best.distances[:, 0])
     return FittedMerger(best.skill, best.used, best.choice, errors, held_out)
 
 
@@ -130,11 +139,36 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
         return np.array([metrics.dtw(moved.trajectory(i)[1], p) for i, p in enumerate(shown)])
 
 
+def _family(motion: Demonstration, space: StateSpace) -> DemonstrationSet:
+    """Return a demonstration and its neighbours: moved at its start to either side, fading along the way.
+
+    A single demonstration says nothing of where motions from other starts should go; that they should
+    differ ever less from it is the least that can be said.
+    """
+    x = motion.positions
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
+    fading = (1 - travelled / travelled[-1])[:, None]
+    reach = NEIGHBOURHOOD * float(np.linalg.norm(x[0] - x[-1]))
+    offsets = reach * np.vstack([np.eye(x.shape[1]), -np.eye(x.shape[1])])
+    neighbours = [
+        Demonstration.from_positions(motion.times, x + fading * offset, motion.source) for offset in offsets
+    ]
+    return DemonstrationSet((motion, *neighbours), space)
+
+
+def _distances(skill: Skill, families: Sequence[DemonstrationSet], attractor: FloatArray) -> FloatArray:
+    motions = [motion for family in families for motion in family]
+    distances = task_distances(skill, DemonstrationSet(tuple(motions), families[0].space), attractor)
+    return distances.reshape(len(families), -1)
+
+
 def _p_of(skill: Skill) -> FloatArray:
     return skill.leaves[0].lyapunov
 
 
-def _unfitted(parts: Sequence[SedsSkill | MergedSkill], task: DemonstrationSet) -> list[_Candidate]:
+def _unfitted(
+    parts: Sequence[SedsSkill | MergedSkill], families: Sequence[DemonstrationSet]
+) -> list[_Candidate]:
     """Return equal weights, and then each part alone."""
     merged = compose.merge(parts)
     ways = [(merged, np.ones(len(parts)), "equal weights")]
@@ -142,54 +176,74 @@ def _unfitted(parts: Sequence[SedsSkill | MergedSkill], task: DemonstrationSet) 
         (MergedSkill((part,), np.ones(1)), weights, "one part")
         for part, weights in zip(merged.parts, np.eye(len(parts)), strict=True)
     ]
-    return [_Candidate(*way, task_distances(way[0], task, merged.attractor)) for way in ways]
+    return [_Candidate(*way, _distances(way[0], families, merged.attractor)) for way in ways]
+
+
+def _pairs(plain: Sequence[_Candidate], families: Sequence[DemonstrationSet]) -> list[_Candidate]:
+    """Return two parts with equal weights, for all pairs of the few that alone come nearest.
+
+    A local search from the best single part stays with it where a pair would be better.
+    """
+    alone = sorted(plain[1:], key=lambda candidate: float(candidate.distances.mean()))[:PAIRED]
+    if len(plain) == 3:  # two parts: that pair is equal weights
+        return []
+    found = []
+    for first, second in combinations(alone, 2):
+        skill = MergedSkill((*first.skill.parts, *second.skill.parts), np.full(2, 0.5))
+        distances = _distances(skill, families, skill.attractor)
+        found.append(_Candidate(skill, first.weights + second.weights, "equal weights of two", distances))
+    return found
 
 
 def _fitted(
     plain: Sequence[_Candidate],
+    pairs: Sequence[_Candidate],
     parts: Sequence[SedsSkill | MergedSkill],
-    task: DemonstrationSet,
+    families: Sequence[DemonstrationSet],
     level: FitLevel,
     omitted: int | None = None,
 ) -> list[_Candidate]:
-    """Return weights fitted to the demonstrations, one of them not looked at."""
-    shown = task if omitted is None else _without(task, omitted)
+    """Return weights fitted to demonstrations and their neighbours, one of them not looked at."""
+    looked_at = [motion for i, family in enumerate(families) if i != omitted for motion in family]
+    shown = DemonstrationSet(tuple(looked_at), families[0].space)
     goal = parts[0].attractor
     try:
         adapted = compose.adapt(parts, shown, target=goal)
     except FitError:  # nothing moves along; equal weights remain
         return []
     skill = slowed(adapted.skill)
-    nearest = _Candidate(skill, adapted.weights, PER_PART, task_distances(skill, task, goal))
-    start = _best([*plain, nearest], omitted).weights
-    found = [nearest]
+    nearest = _Candidate(skill, adapted.weights, PER_PART, _distances(skill, families, goal))
+    found = [nearest, *pairs]
     ways: dict[FitLevel, str] = {"part": PER_PART}
     if level == "component":
         ways["component"] = "per component"
     for kind, choice in ways.items():
+        start = _best(plain, found, omitted).weights
         followed = follow(parts, shown, start, level=kind)
-        distances = task_distances(followed.skill, task, goal)
+        distances = _distances(followed.skill, families, goal)
         found.append(_Candidate(followed.skill, followed.weights, choice, distances))
     return found
 
 
-def _best(candidates: Sequence[_Candidate], omitted: int | None = None) -> _Candidate:
-    """Return the candidate with the smallest mean error, one demonstration not looked at."""
+def _best(
+    plain: Sequence[_Candidate], fitted: Sequence[_Candidate], omitted: int | None = None
+) -> _Candidate:
+    """Return who comes nearest to demonstrations and neighbours, one demonstration not looked at.
 
-    def error(candidate: _Candidate) -> float:
-        seen = candidate.distances if omitted is None else np.delete(candidate.distances, omitted)
-        return float(seen.mean())
+    Nobody who is worse on the demonstrations alone than one part, or equal weights, comes into question.
+    """
 
-    return min(candidates, key=error)
+    def error(candidate: _Candidate, members: slice = slice(None)) -> float:
+        seen = candidate.distances if omitted is None else np.delete(candidate.distances, omitted, axis=0)
+        return float(seen[:, members].mean())
 
-
-def _without(task: DemonstrationSet, index: int) -> DemonstrationSet:
-    motions = task.demonstrations
-    return DemonstrationSet(motions[:index] + motions[index + 1 :], task.space)
+    shown = slice(0, 1)
+    least = min(error(candidate, shown) for candidate in plain)
+    return min((c for c in (*plain, *fitted) if error(c, shown) <= least), key=error)
 
 
 def _errors(plain: Sequence[_Candidate], fitted: FloatArray) -> TaskErrors:
-    equal, *singles = (_mean(candidate.distances) for candidate in plain)
+    equal, *singles = (_mean(candidate.distances[:, 0]) for candidate in plain)
     values = [np.inf if single is None else single for single in singles]
     best = int(np.argmin(values))
     return TaskErrors(singles[best], best + 1, equal, _mean(fitted))

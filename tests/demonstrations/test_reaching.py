@@ -34,10 +34,11 @@ def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     assert result.notes == ()
 
 
+@pytest.mark.parametrize("manner", [0.0, 0.15])
 @pytest.mark.parametrize("place", PLACES)
-def test_reaches_end_at_the_cup_after_ten_straight_centimetres(place: str) -> None:
+def test_reaches_end_at_the_cup_after_ten_straight_centimetres(place: str, manner: float) -> None:
     target = target_of(place)
-    for demonstration in reaching_demonstrations(place, 20, seed=1):
+    for demonstration in reaching_demonstrations(place, 20, seed=1, manner=manner):
         x = demonstration.positions
         assert (x[-1] == target).all()
         entry = x[x[:, 0] >= target[0] - 0.1]
@@ -76,6 +77,19 @@ def test_low_starts_leave_every_reach_the_way_up(place: str) -> None:
         assert z[-1] - z[0] > 0.25
 
 
+def test_a_manner_is_a_swing_to_the_side_and_a_lift_to_the_top() -> None:
+    swings = {place: tuple(reaching._swing(place, 0.1)) for place in PLACES}
+    assert swings["top-left"] == (0, 0.1, 0.1)
+    assert swings["bottom-right"] == (0, -0.1, 0)
+    assert swings["bottom-centre"] == (0, 0, 0)
+    style = reaching._Style.drawn(np.random.default_rng(0))
+    plain, mannered = (
+        reaching._path(style, target_of("top-left"), np.array(swing)) for swing in ((0, 0, 0), (0, 0.1, 0.2))
+    )
+    peak = np.ptp(mannered - plain, axis=0)
+    assert peak == pytest.approx((0, 0.1, 0.2), abs=1e-6)  # the path is sampled next to the peak
+
+
 def test_without_variability_reaches_differ_by_their_starts_alone() -> None:
     def detours(variability: float):
         for i in range(8):
@@ -105,7 +119,7 @@ def test_side_and_height_do_not_depend_on_each_other() -> None:
     # as one to the top centre: with one style the three differ only in how fast the path is run through.
     style = reaching._Style.drawn(np.random.default_rng(0))
     left, top, both = (
-        reaching._path(style, target_of(place)) - target_of(place)
+        reaching._path(style, target_of(place), np.zeros(3)) - target_of(place)
         for place in ("bottom-left", "top-centre", "top-left")
     )
     eps = 4 * np.finfo(float).eps
@@ -138,6 +152,8 @@ def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
             reaching_demonstrations("top-left", count, seed)
     with pytest.raises(UsageError, match="variability: from 0 to 1, not 2"):
         reaching_demonstrations("top-left", variability=2.0)
+    with pytest.raises(UsageError, match=r"manner: from 0 to 0\.15, not 1"):
+        reaching_demonstrations("top-left", manner=1.0)
     (demonstration,) = reaching_demonstrations("top-left", 1)
     with pytest.raises(StoreError, match="cannot be written"):
         write_csv(demonstration, tmp_path / "missing" / "reach.csv")
