@@ -36,7 +36,7 @@ COMMANDS = {
     "rm": "Remove versions from the store.",
     "gc": "Remove all but the newest versions.",
     "export": "Write a skill for MATLAB, NumPy or as JSON.",
-    "schema": "Print the JSON Schema of an output, or of a skill's metadata.",
+    "schema": "Print the JSON Schema of an output.",
     "completion": "Let the TAB key complete commands and skills.",
 }
 
@@ -145,14 +145,15 @@ COMMON = "Every command"
 
 
 def write_grouped(parameters: Sequence[Any], context: Any, formatter: Any) -> None:
-    """Write the help of parameters, one section a group, the options of every command last."""
+    """Write the help of parameters, one section a group: arguments first, what every command has last."""
     sections: dict[str, list[tuple[str, str]]] = {}
-    for parameter in sorted(parameters, key=lambda p: getattr(p, "rich_help_panel", None) == COMMON):
+    for parameter in parameters:
         record = parameter.get_help_record(context)
         if record is not None:
             kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
             sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
-    for title, records in sections.items():
+    place = {"Arguments": 0, "Options": 2, COMMON: 3}
+    for title, records in sorted(sections.items(), key=lambda section: place.get(section[0], 1)):
         with formatter.section(title):
             formatter.write_dl(records)
 

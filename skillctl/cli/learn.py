@@ -175,7 +175,9 @@ def learn(
             learn_batch.learn_batch(output, batch, store=store, force=force, explain=explain, workers=workers)
         )
     if not data:
-        raise UsageError("DATA...: is missing: say which files hold the demonstrations.")
+        raise UsageError(
+            "no demonstrations are given.", hint="Name their files, or list many with --batch F.toml."
+        )
     require_target(output_file, depfile, if_changed)
     reading = Reading(input_format, columns, dt, units, scale, demos, frame)
     learning = LearnOptions(objective, metric, components, preset, seed, slowest_rate, period)

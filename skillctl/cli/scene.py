@@ -11,7 +11,7 @@ from skillctl.cli.options import ARMS, MOTION, SKILL, Numbers, read_numbers
 from skillctl.cli.options import Hand as HandPolicy
 from skillctl.cli.options import Plane as PlaneName
 
-PLACING = "Placing the skill"
+PLACING = "The arm, and where the skill is"
 SCENE = "Scene and cup"
 TROUBLE = "Disturbances"
 
@@ -52,6 +52,7 @@ Arm = Annotated[
         metavar="panda|iiwa|xarm6|FILE.urdf",
         help="Franka Panda (default), KUKA LBR iiwa, UFACTORY xArm6, or the arm in a URDF file.",
         autocompletion=lambda: list(ARMS),
+        rich_help_panel=PLACING,
     ),
 ]
 Tip = Annotated[

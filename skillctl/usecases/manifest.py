@@ -35,7 +35,7 @@ from skillctl.usecases.destination import Destination
 from skillctl.usecases.learn import LearnRequest, Reading
 from skillctl.usecases.ranges import read_ranges
 
-HINT = "`skillctl learn --help` says what each option means; the README shows a manifest."
+HINT = "`skillctl learn --help` says what each option means; skillctl/docs/pipelines.md shows a manifest."
 # What pydantic says in a programmer's words, and how it is said here; in this order.
 REWORDED = {
     "Input should be": "must be",
