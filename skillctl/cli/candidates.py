@@ -246,5 +246,6 @@ VALUES: dict[str, Callable[[str, Typed], Answer]] = {
     "ALIAS": _aliases,
     "DATA": _files,
     "LINK": _nothing,
+    "ADDRESS": _nothing,
     "OUTPUT": _outputs,
 }

@@ -153,7 +153,7 @@ def _connected(scheduler: str) -> Iterator[Any]:
 def _client(client_class: Any, scheduler: str) -> Any:
     try:
         client = client_class(scheduler, timeout=TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TimeoutError, asyncio.TimeoutError) as error:
         raise NotFoundError(
             f"no Dask scheduler answers at {scheduler}.",
             hint="`dask scheduler` starts one and says its address, as in tcp://127.0.0.1:8786.",
