@@ -110,8 +110,9 @@ def write_file(path: Path, data: bytes) -> None:
             )
         _sweep_beside(path)
         temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+        file = temporary.open("xb")  # what stands there already is not ours to remove
         try:
-            with temporary.open("xb") as file:
+            with file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())

@@ -2,6 +2,7 @@
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -270,6 +271,36 @@ def test_a_planted_version_link_is_passed_over(registry, versions, tmp_path, dan
     assert target.exists() != dangling
     with pytest.raises(errors.NotAnArtifactError, match="a symbolic link"):
         store.read_skill(registry.resolve("reach@2"))
+
+
+def test_a_link_in_place_of_a_temporary_file_is_not_written_through(
+    registry, versions, tmp_path, monkeypatch
+):
+    """Names of temporary files cannot be guessed; even so, what stands there is left alone."""
+    directory = registry.publish("reach", versions[0]).path.parent
+    (target := tmp_path / "target").write_text("precious")
+    monkeypatch.setattr(publishing.secrets, "token_hex", lambda n: "0" * 2 * n)
+    planted = [directory / f".publishing-{'0' * 16}", directory / f".refs.toml.{'0' * 8}.tmp"]
+    for path in planted:
+        path.symlink_to(target)
+    with suppress(StoreError):  # a file without a name needs none
+        registry.publish("reach", versions[1])
+    with pytest.raises(StoreError, match="File exists"):
+        registry.tag("reach", 1, "release")
+    assert all(path.is_symlink() for path in planted)
+    assert target.read_text() == "precious"
+    assert registry.aliases("reach") == {}
+
+
+@pytest.mark.parametrize("name", ["refs.toml", "1.removed"])
+def test_a_link_in_place_of_the_stores_own_notes_is_not_written_through(registry, versions, tmp_path, name):
+    directory = registry.publish("reach", versions[0]).path.parent
+    (target := tmp_path / "target").write_text("precious")
+    (directory / name).symlink_to(target)
+    with pytest.raises((StoreError, ArtifactError)):
+        registry.tag("reach", 1, "release") if name == "refs.toml" else registry.remove("reach", [1])
+    assert target.read_text() == "precious"
+    assert registry.versions("reach") == (1,)
 
 
 # When the system refuses
