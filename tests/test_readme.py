@@ -35,6 +35,7 @@ def _script():
 
 
 SCRIPT = _script()
+pytestmark = pytest.mark.timeout(900)  # [s]; the whole tour is one fixture, 45 s of CPU
 
 
 def blocks(language: str) -> list[str]:
