@@ -16,6 +16,17 @@ from skillctl.errors import Terminated
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
     signal.signal(signal.SIGTERM, _terminate)
+    try:
+        _run()
+    except KeyboardInterrupt as stop:  # while modules were loaded; the command line tells of all others
+        from skillctl.cli.errors import describe
+
+        failure = describe(stop)
+        print(f"error: {failure.message}", file=sys.stderr)
+        sys.exit(failure.code)
+
+
+def _run() -> None:
     if sys.argv[1:] == ["--version"]:
         _print_version()
         return

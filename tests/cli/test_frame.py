@@ -249,3 +249,26 @@ def _on_a_terminal(shell, environment: dict[str, str]) -> str:
 
 def test_every_command_of_the_registry_can_be_loaded():
     assert [load_command(name).name for name in COMMANDS] == list(COMMANDS)
+
+
+STOPPED_WHILE_LOADING = """
+import os, sys
+from skillctl.__main__ import main
+module, number = sys.argv[1], int(sys.argv[2])
+class Stop:
+    def find_spec(self, name, *_):
+        if name == module:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), number)
+sys.meta_path.insert(0, Stop())
+sys.argv = ["skillctl", "ls"]
+main()
+"""
+
+
+@pytest.mark.parametrize(("number", "code", "word"), [(2, 130, "interrupted"), (15, 143, "terminated")])
+@pytest.mark.parametrize("module", ["skillctl.cli.app", "skillctl.usecases.ls"])
+def test_a_signal_while_modules_are_loaded_is_no_verdict(tmp_path, module, number, code, word):
+    command = [sys.executable, "-c", STOPPED_WHILE_LOADING, module, str(number)]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout, result.stderr) == (code, "", f"error: {word}.\n")

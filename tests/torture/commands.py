@@ -72,8 +72,9 @@ def stop_commands(folder: Path, count: int, seed: int) -> Counter[str]:
 
 def require_told(name: str, code: int, said: str, root: Path, ledger: Ledger) -> None:
     """Raise Finding unless what a command said agrees with what it left."""
-    # Before its first line of Python a process dies of any signal.
-    if code not in (0, 130, 143, -signal.SIGKILL, -signal.SIGINT, -signal.SIGTERM):
+    # Before our first line a process dies of any signal, or Python says that it could not start.
+    unstarted = code == 1 and said.startswith("Fatal Python error: init_")
+    if not unstarted and code not in (0, 130, 143, -signal.SIGKILL, -signal.SIGINT, -signal.SIGTERM):
         raise Finding(f"{name} ended with {code}: {said}")
     new = ledger.see(root)
     if len(new) > 1 or (code == 0 and len(new) != 1):
