@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
-from skillctl.cli.errors import did_you_mean
+from skillctl.cli.errors import did_you_mean, forget_published
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
@@ -124,6 +124,7 @@ class CommandGroup(TyperGroup):
 
     def _run(self, arguments: list[str]) -> int:
         output, began = Output.for_arguments(arguments), time.monotonic()
+        forget_published()
         try:
             status = self._outcome(arguments, output)
             output.flush()

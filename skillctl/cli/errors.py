@@ -77,10 +77,20 @@ def describe(error: BaseException) -> Failure:
     )
 
 
-def _published() -> str:
-    """Return what this process has published before it was interrupted, in words; nothing if nothing."""
+def forget_published() -> None:
+    """Forget what commands before this one published: a test, or a notebook, runs many in one process."""
+    _publications().clear()
+
+
+def _publications() -> list[str]:
     registry = sys.modules.get("skillctl.store.registry")  # what was not imported has not published
-    versions: list[str] = registry.PUBLISHED if registry else []
+    published: list[str] = registry.PUBLISHED if registry else []
+    return published
+
+
+def _published() -> str:
+    """Return what this command has published before it was interrupted, in words; nothing if nothing."""
+    versions = _publications()
     verb = "was" if len(versions) == 1 else "were"
     return f"{', '.join(versions)} {verb} published" if versions else ""
 
