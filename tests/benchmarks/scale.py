@@ -80,7 +80,7 @@ def _rows(what: str, count: int, task: Callable[[Workers], str], names: tuple[st
 def _cluster(stack: ExitStack) -> str:
     from distributed import LocalCluster
 
-    cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0")
     return str(stack.enter_context(cluster).scheduler_address)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ COMMANDS = [
     ["export", "curve", "-o", "out.json"],
     ["merge", "curve", "curve", "-o", "out.h5"],
     ["combine", "curve", "hook", "-o", "out.h5"],
-    ["simulate", "curve", "--log", "out.csv"],
+    *([["simulate", "curve", "--log", "out.csv"]] if importlib.util.find_spec("pybullet") else []),
 ]
 
 

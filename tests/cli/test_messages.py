@@ -88,6 +88,7 @@ def said(run, line):
     result = run(*shlex.split(line))
     assert result.exit_code, f"skillctl {line}: is no mistake"
     shown = re.sub(r"\d+\.\d{3,}", "N", result.stderr).replace(f"{Path.cwd()}/", "HERE/")
+    shown = re.sub(r"\d+ bytes after the seal, \d+ were", "N bytes after the seal, N were", shown)
     return f"$ skillctl {line}".rstrip() + f"\n[{result.exit_code}] {shown}"
 
 
