@@ -11,7 +11,6 @@ from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.objective import Evaluation, LearningObjective
 
 FIRST_BARRIER, LAST_BARRIER, BARRIER_FALL = 1e-3, 1e-4, 0.7
-RIDGE = 1e-6  # on the step of the gate logits: a common quadratic added to all of them changes nothing
 
 
 @dataclass(eq=False, slots=True)

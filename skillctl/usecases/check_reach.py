@@ -8,9 +8,8 @@ from pathlib import Path
 from skillctl.simulation import Scenario
 from skillctl.simulation.check import Reachability, check
 from skillctl.store import Lock
-from skillctl.usecases.drawing import episode_of
+from skillctl.usecases.drawing import chosen
 from skillctl.usecases.files import open_skill
-from skillctl.usecases.simulate import start_of
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,5 @@ def check_reach(
         UsageError: A start, target or placement that makes no sense for this skill.
     """
     source = open_skill(reference, store, lock)
-    scenario = scenario or Scenario()
-    if demo is not None:
-        scenario = scenario.changed(start=start_of(demo, source, scenario))
-    if episode is not None:
-        scenario = episode_of(source, scenario, episode)
+    scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
     return CheckReachReport(source.name, source.artifact.digest, check(source.skill, scenario))

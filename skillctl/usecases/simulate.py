@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from skillctl import simulation
-from skillctl.errors import UsageError, require_directory
-from skillctl.model.skill import attractors_of
+from skillctl.errors import require_directory
 from skillctl.simulation import Episode, Metrics, Outcome, Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.torque import TORQUE_PERIOD
 from skillctl.stability import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
-from skillctl.usecases.drawing import demonstration_starts, episode_of
+from skillctl.usecases.drawing import chosen
 from skillctl.usecases.files import Source, open_skill
 from skillctl.usecases.progress import Progress
 
@@ -97,11 +96,7 @@ def simulate(
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store, lock)
-    scenario = scenario or Scenario()
-    if demo is not None:
-        scenario = scenario.changed(start=start_of(demo, source, scenario))
-    if episode is not None:
-        scenario = episode_of(source, scenario, episode)
+    scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
     require_directories(log, picture, video)
     log_kind = None if log is None else simulation.log_format(log.name)
     kind = None if video is None else _film_format(video)
@@ -172,23 +167,6 @@ def proof_notes(source: Source, control: str) -> tuple[str, ...]:
         f"the proof of {source.name} asks for a controller at {at_most(1 / period)} Hz or faster; "
         f"this one runs at {1 / simulated:.0f} Hz.",
     )
-
-
-def start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...]:
-    """Return where an embedded demonstration starts, moved as the target is."""
-    if scenario.start is not None:
-        raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
-    starts = demonstration_starts(source)
-    if not 0 <= demo < len(starts):
-        raise UsageError(
-            f"demonstration {demo} does not exist; {source.name} carries {len(starts)}, counted from 0.",
-            hint="`skillctl inspect` lists them; --start gives a start in numbers.",
-        )
-    start = starts[demo]
-    target = scenario.target
-    if target is not None and target != "cup" and len(target) == len(start):
-        start = start + (target - attractors_of(source.skill)[0])
-    return tuple(start.tolist())
 
 
 def require_directories(*files: Path | None) -> None:
