@@ -1,6 +1,11 @@
-"""Skills of every kind, and hostile files made from good ones."""
+"""Skills of every kind, and hostile files made from good ones.
+
+The seal of a hostile file is intact because an attacker made it: the rules of the format must refuse it.
+"""
 
 import hashlib
+import json
+import time
 from collections.abc import Callable
 from io import BytesIO
 
@@ -9,6 +14,7 @@ import numpy as np
 import pytest
 
 from skillctl import store
+from skillctl.errors import ArtifactError
 from skillctl.model import (
     CombinedSkill,
     Demonstration,
@@ -19,6 +25,7 @@ from skillctl.model import (
     Skill,
     StateSpace,
 )
+from skillctl.store import errors
 
 
 def definite(rng: np.random.Generator, n: int, d: int) -> np.ndarray:
@@ -187,3 +194,34 @@ def with_meta(hostile) -> Callable[..., bytes]:
         return hostile(edit, honest=honest)
 
     return replace
+
+
+@pytest.fixture(scope="session")
+def meta(good: bytes) -> dict:
+    """The metadata of a good artifact."""
+    with h5py.File(BytesIO(good)) as body:
+        return json.loads(body["meta.json"][()].tobytes())
+
+
+@pytest.fixture(scope="session")
+def refuse() -> Callable[..., None]:
+    """Demand that a file is refused, at once and in a sentence that can be printed."""
+
+    def demand(data: bytes, cause: str, kind: type[ArtifactError] = errors.InvalidArtifactError) -> None:
+        start = time.monotonic()
+        with pytest.raises(kind, match=cause) as caught:
+            store.decode(data, "hostile.h5")
+        assert time.monotonic() - start < 1  # [s]
+        message = str(caught.value)
+        assert message.startswith("hostile.h5 ")
+        assert message.isprintable()
+        assert len(message) < 500
+        assert caught.value.hint
+
+    return demand
+
+
+@pytest.fixture(scope="session")
+def versions() -> list[bytes]:
+    """Artifacts of different content."""
+    return [store.encode(wrapped(seds(seed))) for seed in range(4)]

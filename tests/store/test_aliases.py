@@ -14,11 +14,6 @@ from skillctl.errors import NotFoundError, StoreError, UsageError
 from skillctl.store import errors, numbering
 
 
-@pytest.fixture(scope="module")
-def versions(make_seds, wrap):
-    return [store.encode(wrap(make_seds(seed))) for seed in range(4)]
-
-
 @pytest.fixture
 def registry(tmp_path, versions):
     registry = store.Registry(tmp_path / "skills")

@@ -14,11 +14,6 @@ from skillctl.errors import Terminated
 from skillctl.store import registry
 
 
-@pytest.fixture(scope="module")
-def versions(make_seds, wrap):
-    return [store.encode(wrap(make_seds(seed))) for seed in range(2)]
-
-
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, Terminated])
 @pytest.mark.parametrize(
     ("step", "after", "told"),

@@ -1,21 +1,14 @@
-"""The store: whole, immutable, numbered versions, found by reference."""
+"""The store: whole, immutable, numbered versions, whatever stands in the way."""
 
 import os
 import stat
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
 from skillctl import store
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, UsageError
+from skillctl.errors import ArtifactError, StoreError, UsageError
 from skillctl.store import errors, files, publishing
-
-
-@pytest.fixture(scope="module")
-def versions(make_seds, wrap):
-    """Artifacts of different content."""
-    return [store.encode(wrap(make_seds(seed))) for seed in range(4)]
 
 
 @pytest.fixture(params=["unnamed", "named"])
@@ -135,99 +128,6 @@ def test_names_are_the_skills_that_have_versions(registry, versions):
     (registry.root / "Upper").mkdir()
     (registry.root / "Upper" / "1.h5").touch()
     assert registry.names() == ("grasp", "reach")
-
-
-# References
-
-
-@pytest.fixture
-def filled(tmp_path, versions):
-    registry = store.Registry(tmp_path / "skills")
-    for data in versions[:3]:
-        registry.publish("reach", data)
-    registry.publish("reach-left", versions[0])
-    (registry.root / "empty").mkdir()
-    return registry
-
-
-@pytest.mark.parametrize(
-    ("reference", "version"),
-    [
-        ("reach", 3),
-        ("reach@latest", 3),
-        ("reach@1", 1),
-        ("reach@2", 2),
-        ("reach@3", 3),
-    ],
-)
-def test_references_lead_to_versions(filled, reference, version):
-    path = filled.root / "reach" / f"{version}.h5"
-    assert filled.resolve(reference) == path
-    assert store.resolve(reference, filled.root) == path
-    assert store.locate(reference, filled.root) == store.Located(path, "reach", version)
-
-
-@pytest.mark.parametrize("digits", [8, 9, 63, 64])
-def test_a_digest_pins_a_version(filled, versions, digits):
-    digest = store.digest_of(versions[1])
-    assert filled.locate(f"reach@{digest[: len('sha256:') + digits]}").version == 2
-
-
-def test_a_digest_beginning_that_fits_two_contents_is_refused(filled, monkeypatch):
-    fake = {n: f"sha256:{'a' * 10}{n}" for n in (1, 2, 3)}
-    monkeypatch.setattr(store.Registry, "_stated_digest", lambda _, __, number: fake[number])
-    with pytest.raises(UsageError, match="3 versions of reach have a content digest beginning") as caught:
-        filled.resolve("reach@sha256:aaaaaaaa")
-    assert fake[2] in caught.value.hint
-
-
-def test_equal_content_is_not_ambiguous(filled, versions):
-    filled.publish("reach", versions[0])
-    assert filled.locate(f"reach@{store.digest_of(versions[0])[:15]}").version == 4
-
-
-@pytest.mark.parametrize(
-    ("reference", "cause", "hint"),
-    [
-        ("reach@4", "reach has no version 4", "versions 1 to 3"),
-        ("reach@champion", "reach has no alias champion", "skillctl tag reach@N champion"),
-        (
-            "reach@sha256:00000000",
-            "no version of reach has a content digest beginning sha256:00000000",
-            "1 to 3",
-        ),
-        ("rech", "has no skill rech", "Did you mean reach"),
-        ("zzz", "has no skill zzz", "It has reach, reach-left"),
-        ("empty", "has no skill empty", ""),
-        ("empty@1", "has no skill empty", ""),
-        ("no/such.h5", r"no/such\.h5: there is no such file", "Check the path"),
-        ("such.h5", r"such\.h5: there is no such file", "Check the path"),
-    ],
-)
-def test_what_is_not_there_is_not_found(filled, reference, cause, hint):
-    with pytest.raises(NotFoundError, match=cause) as caught:
-        filled.resolve(reference)
-    assert hint in caught.value.hint
-
-
-def test_a_store_that_does_not_exist_holds_nothing(tmp_path):
-    with pytest.raises(NotFoundError, match="has no skill reach") as caught:
-        store.resolve("reach", tmp_path / "nowhere")
-    assert "skillctl learn" in caught.value.hint
-
-
-def test_a_file_that_looks_like_a_name_is_pointed_out(filled, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("skill").touch()
-    with pytest.raises(NotFoundError) as caught:
-        filled.resolve("skill")
-    assert caught.value.hint == "For the file of that name, write ./skill."
-
-
-def test_a_file_needs_no_store(tmp_path, monkeypatch):
-    monkeypatch.setenv("SKILLCTL_STORE", "/nowhere")
-    (path := tmp_path / "skill.h5").touch()
-    assert store.locate(str(path)) == store.Located(path)
 
 
 # Links
@@ -387,33 +287,3 @@ def test_what_cannot_be_swept_stays_and_hinders_nobody(registry, versions, tmp_p
     assert registry.publish("reach", versions[1]).version == 2
     assert [path.name for path in directory.glob(".publishing-*")] == [".publishing-directory"]
     assert target.read_text() == "precious"
-
-
-# Which store
-
-
-def test_the_store_is_the_one_given_else_the_variable_else_the_nearest_else_the_users(tmp_path, monkeypatch):
-    project, home = tmp_path / "project", tmp_path / "home"
-    (deep := project / "a" / "b").mkdir(parents=True)
-    monkeypatch.chdir(deep)
-    monkeypatch.setenv("HOME", str(home))
-    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
-    monkeypatch.delenv("SKILLCTL_STORE", raising=False)
-    assert store.locate_store() == home / ".local" / "share" / "skillctl" / "skills"
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    assert store.locate_store() == tmp_path / "data" / "skillctl" / "skills"
-    (project / "skills").mkdir()
-    assert store.locate_store() == project / "skills"
-    (project / "a" / "skills").touch()  # a file is no store
-    assert store.locate_store() == project / "skills"
-    monkeypatch.setenv("SKILLCTL_STORE", str(tmp_path / "variable"))
-    assert store.locate_store() == tmp_path / "variable"
-    assert store.locate_store(tmp_path / "given") == tmp_path / "given"
-    monkeypatch.setenv("SKILLCTL_STORE", "")
-    assert store.locate_store() == project / "skills"
-
-
-def test_a_link_to_a_store_is_followed_where_the_user_names_it(tmp_path):
-    (target := tmp_path / "target").mkdir()
-    (link := tmp_path / "link").symlink_to(target)
-    assert store.locate_store(link) == target

@@ -1,0 +1,97 @@
+"""References that lead nowhere, and stores that cannot be written: an exit code, and nothing is changed."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from skillctl import store
+
+
+@pytest.mark.parametrize(
+    ("reference", "code"),
+    [
+        ("reach@0", 2),
+        ("reach@-1", 2),
+        ("reach@1e3", 2),
+        ("reach@1000000", 2),
+        ("reach@", 2),
+        ("Reach", 2),
+        (".", 2),
+        ("", 2),
+        ("rea\nch", 2),
+        ("x" * 65, 2),
+        ("../x", 4),  # a slash makes it a file
+        ("empty", 4),
+        ("empty@latest", 4),
+        ("reach@2", 4),
+        ("reach@999999", 4),
+        ("reach@release", 4),
+        (f"reach@sha256:{'0' * 64}", 4),
+    ],
+)
+def test_references_that_are_malformed_or_lead_nowhere(run, good, tmp_path, reference, code):
+    store.Registry(tmp_path / "skills").publish("reach", good)
+    (tmp_path / "skills" / "empty").mkdir()
+    result = run("inspect", "--store", tmp_path / "skills", "--", reference)
+    assert (result.exit_code, result.stdout) == (code, "")
+    error, hint = result.stderr.splitlines()
+    assert error.startswith("error: ")
+    assert hint.startswith("hint: ")
+
+
+@pytest.fixture
+def registry(library, tmp_path):
+    """A store of curve and hook, and both, whose newest version is about to get a successor."""
+    registry = store.Registry(tmp_path / "skills")
+    for name, source in (("curve", "curve"), ("hook", "hook"), ("both", "curve")):
+        registry.publish(name, (library / source / "1.h5").read_bytes())
+    return registry
+
+
+def combine(registry, place, prefix=(), **options):
+    arguments = ["combine", "curve", "hook", "--store", registry.root, *place]
+    command = [*prefix, sys.executable, "-m", "skillctl", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, **options)
+
+
+def files_of(registry):
+    return {path: path.read_bytes() for path in registry.root.rglob("*") if path.is_file()}
+
+
+def test_without_permission_nothing_changes(registry):
+    prefix = []
+    if os.geteuid() == 0:  # root has no need of permissions, unless it gives that up
+        prefix = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]
+        if shutil.which("setpriv") is None or subprocess.run([*prefix, "true"], check=False).returncode:
+            pytest.skip("root cannot give up its rights here")
+    before, folders = files_of(registry), [registry.root, *registry.root.iterdir()]
+    for folder in folders:
+        folder.chmod(0o555)
+    try:
+        for place in (["--name", "both"], ["--name", "new"], ["-o", registry.root / "out.h5"]):
+            result = combine(registry, place, prefix)
+            assert (result.returncode, result.stdout) == (8, "")
+            assert "Permission denied" in result.stderr
+            assert "\nhint: Check the permissions" in result.stderr
+    finally:
+        for folder in folders:
+            folder.chmod(0o755)
+    assert files_of(registry) == before
+
+
+def test_under_a_limit_on_the_size_of_files_nothing_changes(registry):
+    before = files_of(registry)
+    for place in (["--name", "both"], ["--name", "new"], ["-o", registry.root / "out.h5"]):
+        limited = combine(
+            registry, place, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+        )
+        assert (limited.returncode, limited.stdout) == (8, "")
+        assert "File too large" in limited.stderr
+        assert "\nhint: The limit on file sizes" in limited.stderr
+    assert files_of(registry) == before
