@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         signature_state,
         signatures_path,
     )
-    from skillctl.store.writer import encode
+    from skillctl.store.writer import encode, require_room_for_records
 
 _MODULES = {
     "artifact": ("Artifact", "contents_of", "metadata_of"),
@@ -88,7 +88,7 @@ _MODULES = {
         "signature_state",
         "signatures_path",
     ),
-    "writer": ("encode",),
+    "writer": ("encode", "require_room_for_records"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -133,6 +133,7 @@ __all__ = [
     "read_public_key",
     "read_signatures",
     "read_skill",
+    "require_room_for_records",
     "resolve",
     "signature_state",
     "signatures_path",

@@ -8,7 +8,9 @@ from io import BytesIO
 import numpy as np
 
 from skillctl.errors import StoreError
+from skillctl.model import DemonstrationSet
 from skillctl.store.artifact import Artifact, arrays_of
+from skillctl.store.canonical import dump_canonical
 from skillctl.store.errors import Refusal
 from skillctl.store.files import MAX_FILE_BYTES
 from skillctl.store.hdf5 import h5py
@@ -21,9 +23,11 @@ from skillctl.store.layout import (
     content_digest,
     require_layout,
 )
+from skillctl.store.schema import DemonstrationReport, Operation, Provenance, label
 from skillctl.store.seal import SEAL_BYTES, seal
 from skillctl.store.tree import node_of
 
+_FEW_DIGITS = 0.1234567890123456  # most floats have one more, and errors begin with zeros
 TOO_LARGE = "Keep fewer demonstrations in it, or use fewer components."
 
 
@@ -35,12 +39,7 @@ def encode(artifact: Artifact) -> bytes:
         StoreError: Larger than an artifact may be.
     """
     arrays = arrays_of(artifact)
-    if arrays[META].size > MAX_LENGTHS["B"]:
-        raise _too_large(
-            f"the records about it, of {len(artifact.reports)} demonstrations among others, take "
-            f"{arrays[META].size} bytes, and {MAX_LENGTHS['B']} fit",
-            hint="Learn from fewer, as with --demos 0-99; some 170 files fit, and more in files of several.",
-        )
+    _require_metadata_fits(arrays[META].size, len(artifact.reports))
     try:
         require_layout({path: array.shape for path, array in arrays.items()})
     except Refusal as reason:
@@ -61,6 +60,53 @@ def body_of(arrays: Mapping[str, Array]) -> bytes:
         for path in sorted(arrays):
             body.create_dataset(path, data=arrays[path].astype(ARRAYS[path].dtype), track_times=False)
     return file.getvalue()[SEAL_BYTES:]
+
+
+def require_room_for_records(
+    demonstrations: DemonstrationSet, operation: Operation, provenance: Provenance
+) -> None:
+    """Refuse now what ``encode`` would refuse once a skill has been learned from these demonstrations.
+
+    How many digits its errors will have is not known yet. They are taken to be few, so nothing that fits is
+    refused, and very little that does not is left for ``encode`` to refuse.
+
+    Args:
+        demonstrations: As the artifact is to keep them.
+        operation: What is to be recorded of the command.
+        provenance: What is to be recorded of its inputs.
+
+    Raises:
+        StoreError: The records of so many demonstrations do not fit into an artifact.
+    """
+    reports = [
+        DemonstrationReport(
+            source=demonstration.source,
+            leaf=0,
+            n_points=len(demonstration.times),
+            duration=demonstration.duration,
+            velocity_rmse=_FEW_DIGITS,
+            dtw=_FEW_DIGITS,
+            end_error=_FEW_DIGITS,
+            arrived=True,
+        ).model_dump(mode="json")
+        for demonstration in demonstrations
+    ]
+    records = {
+        "demonstrations": [label(demonstration.source) for demonstration in demonstrations],
+        "operation": operation.model_dump(mode="json"),
+        "provenance": provenance.model_dump(mode="json"),
+        "reports": reports,
+    }
+    _require_metadata_fits(len(dump_canonical(records)), len(demonstrations))
+
+
+def _require_metadata_fits(size: int, demonstrations: int) -> None:
+    if size > MAX_LENGTHS["B"]:
+        raise _too_large(
+            f"the records about it, of {demonstrations} demonstrations among others, take {size} bytes, and "
+            f"{MAX_LENGTHS['B']} fit",
+            hint="Learn from fewer, as with --demos 0-99; some 170 files fit, and more in files of several.",
+        )
 
 
 def _too_large(what: str, hint: str = TOO_LARGE) -> StoreError:

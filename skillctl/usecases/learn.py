@@ -10,14 +10,17 @@ from typing import Any, Literal, TypeAlias
 from skillctl.demonstrations import ReadResult, read_demonstrations
 from skillctl.learning import Fit, LearnOptions, fit
 from skillctl.learning import Progress as LearningProgress
+from skillctl.learning.preprocess import align, embedded
 from skillctl.plotting.formats import require_picture
 from skillctl.stability import Certificate, certify
 from skillctl.store import (
     Artifact,
     DemonstrationReport,
     Operation,
+    Provenance,
     current_provenance,
     input_record,
+    require_room_for_records,
 )
 from skillctl.usecases.destination import Destination, Written
 from skillctl.usecases.evaluate import HeldOut, report_errors
@@ -157,6 +160,7 @@ def learn(
         NotFoundError: A file does not exist.
         InputDataError: Demonstrations that cannot be used.
         FitError: The result could not be proved stable; nothing is written.
+        StoreError: More demonstrations than an artifact has room for, or it cannot be written.
     """
     request = LearnRequest(
         paths=tuple(Path(path) for path in data),
@@ -191,11 +195,13 @@ def make(request: LearnRequest, progress: Progress | None = None) -> Made:
             again = leave_out_in_turn(reading.read(request.paths).demonstrations, options, progress)
         return Made(artifact, certify(artifact.skill), again, current=written)
     read = reading.read(request.paths)
+    provenance = _provenance(read)
+    require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
     fitted = fit(read.demonstrations, options, progress=_adapted(progress))
     certificate = certify(fitted.skill)
     require_stable(certificate, LEARN_AGAIN)
     left_out = leave_out_in_turn(read.demonstrations, options, progress) if validated else ()
-    artifact = _artifact(fitted, read, operation, held_out(left_out) if left_out else None)
+    artifact = _artifact(fitted, operation, provenance, held_out(left_out) if left_out else None)
     return Made(
         artifact,
         certificate,
@@ -244,7 +250,13 @@ def _told(step: LearningProgress) -> str:
     return f"start {step.done} of {step.total}, objective {step.objective:.3g}"
 
 
-def _artifact(fitted: Fit, read: ReadResult, operation: Operation, errors: HeldOut | None) -> Artifact:
+def _provenance(read: ReadResult) -> Provenance:
+    return current_provenance(
+        inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
+    )
+
+
+def _artifact(fitted: Fit, operation: Operation, provenance: Provenance, errors: HeldOut | None) -> Artifact:
     results = {
         "objective": fitted.objective,
         "log_likelihood": fitted.log_likelihood,
@@ -256,9 +268,7 @@ def _artifact(fitted: Fit, read: ReadResult, operation: Operation, errors: HeldO
         skill=fitted.skill,
         demonstrations=(fitted.demonstrations,),
         operation=operation.model_copy(update={"results": results}),
-        provenance=current_provenance(
-            inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
-        ),
+        provenance=provenance,
         reports=tuple(report_errors(fitted.skill, fitted.demonstrations)),
     )
 

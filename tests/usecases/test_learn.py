@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import scipy.io
 
-from skillctl.errors import FitError, UsageError
+from skillctl.errors import FitError, StoreError, UsageError
 from skillctl.learning import LearnOptions
 from skillctl.stability import certify
-from skillctl.store import read_skill
+from skillctl.store import layout, metadata_of, read_skill, require_room_for_records
+from skillctl.store.canonical import dump_canonical
 from skillctl.usecases import learn as module
 from skillctl.usecases.files import load, open_skill
 from skillctl.usecases.learn import Reading, learn
@@ -49,6 +50,42 @@ def test_the_lpv_ds_layout_is_learned_too(reach_files, tmp_path):
     assert verify(tmp_path / "a.h5").verdict == "stable"
     assert all(demonstration.arrived for demonstration in report.demonstrations)
     assert report.attractor == pytest.approx((0.6, 0.1, 0.5), abs=2e-3)  # rests are trimmed: about 1 mm
+
+
+def many(curve_files, folder, count):
+    """Copies of a demonstration under other names."""
+    data = curve_files[0].read_bytes()
+    for number in range(count):
+        (folder / f"curve-{number:03}.csv").write_bytes(data)
+    return sorted(folder.glob("curve-*.csv"))
+
+
+def test_more_files_than_can_be_recorded_are_refused_before_anything_is_learned(
+    curve_files, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(module, "fit", lambda *_, **__: pytest.fail("learned in vain"))
+    with pytest.raises(
+        StoreError, match=r"records about it, of 300 demonstrations .* and 65536 fit"
+    ) as caught:
+        learn(many(curve_files, tmp_path, 300), output=tmp_path / "a.h5")
+    assert "--demos 0-99" in caught.value.hint
+    assert not (tmp_path / "a.h5").exists()
+
+
+def test_what_fits_is_never_refused_beforehand_and_little_else_is_let_through(
+    curve_files, tmp_path, monkeypatch
+):
+    files = many(curve_files, tmp_path, 30)
+    learn(files, output=tmp_path / "a.h5", options=LearnOptions(preset="fast", n_components=1))
+    artifact = read_skill(tmp_path / "a.h5")
+    bare = artifact.operation.model_copy(update={"results": {}})  # as it is before
+    size = len(dump_canonical(metadata_of(artifact)))
+    monkeypatch.setitem(layout.MAX_LENGTHS, "B", size)
+    require_room_for_records(artifact.demonstrations[0], bare, artifact.provenance)
+    # Not known beforehand: 700 bytes about the skill itself, and 4 digits of each of 3 errors of 10 kB.
+    monkeypatch.setitem(layout.MAX_LENGTHS, "B", int(0.9 * size))
+    with pytest.raises(StoreError, match="of 30 demonstrations"):
+        require_room_for_records(artifact.demonstrations[0], bare, artifact.provenance)
 
 
 def test_the_same_inputs_give_the_same_bytes_in_any_surroundings(curve_files, tmp_path):
