@@ -9,10 +9,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from skillctl.store.files import sweep
+
 SIGNATURE_SUFFIX = ".sig"  # beside a version; it goes with it
 # An empty file `7.removed` remembers that numbers up to 7 were given. Only the highest matters, so only it
 # is kept; where a higher version exists, none.
 _ENTRY = re.compile(r"([1-9][0-9]{0,5})\.(h5|removed)")
+_SIGNATURES = re.compile(rf"([1-9][0-9]{{0,5}}\.h5){re.escape(SIGNATURE_SUFFIX)}")
+_SIGNING = re.compile(rf"\.{_SIGNATURES.pattern}\.[0-9a-f]{{8}}\.tmp")  # as `write_file` calls it
 
 
 def existing_versions(directory: int | Path) -> tuple[int, ...]:
@@ -38,13 +42,26 @@ def remove_versions(directory: int, versions: Iterable[int]) -> None:
         os.fsync(directory)
     for version in sorted(doomed):
         os.unlink(f"{version}.h5", dir_fd=directory)
-        with suppress(FileNotFoundError):
-            os.unlink(f"{version}.h5{SIGNATURE_SUFFIX}", dir_fd=directory)
+    sweep_signatures(directory)
     for number in _numbers(directory, "removed"):
         if number < highest:
             with suppress(FileNotFoundError):
                 os.unlink(f"{number}.removed", dir_fd=directory)
     os.fsync(directory)
+
+
+def sweep_signatures(directory: int) -> None:
+    """Remove what whoever was killed has left: signatures of versions that are gone, and halves of new ones.
+
+    A version goes before its signatures, so that one that is there never loses them. The caller holds the
+    directory's lock, shared or not: nobody signs or removes meanwhile.
+    """
+    entries = set(os.listdir(directory))  # of a descriptor, which pathlib does not take
+    for match in filter(None, map(_SIGNATURES.fullmatch, entries)):
+        if match[1] not in entries:
+            with suppress(OSError):  # somebody else's, or no file at all: it may stay
+                os.unlink(match[0], dir_fd=directory)
+    sweep(directory, lambda name: _SIGNING.fullmatch(name) is not None)
 
 
 @contextmanager

@@ -13,7 +13,13 @@ from skillctl.errors import ArtifactError, NotFoundError, StoreError, printable
 from skillctl.store.aliases import read_aliases, require_alias, write_aliases
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import missing_file, read_once, system_errors
-from skillctl.store.numbering import existing_versions, highest_given, locked, remove_versions
+from skillctl.store.numbering import (
+    existing_versions,
+    highest_given,
+    locked,
+    remove_versions,
+    sweep_signatures,
+)
 from skillctl.store.publishing import Link, staged
 from skillctl.store.references import MAX_VERSION, is_name, parse_reference, require_name
 from skillctl.store.seal import read_header
@@ -142,6 +148,7 @@ class Registry:
             version, created = self._newest_with(digest, name, directory), False
             if version is None:
                 with staged(directory, data) as link, locked(directory, shared=True):
+                    sweep_signatures(directory)
                     version, created = self._link_next(link, digest, name, directory)
                 os.fsync(directory)
         return StoredVersion(name, version, self.path_of(name, version), digest, created)
@@ -236,6 +243,7 @@ class Registry:
             raise self._unknown_name(name)
         doing = system_errors(f"change {name} in {self.root}")
         with doing, self._opened(name) as directory, locked(directory):
+            sweep_signatures(directory)
             yield directory
 
     def _link_next(self, link: Link, digest: str, name: str, directory: int) -> tuple[int, bool]:

@@ -11,7 +11,7 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import NotFoundError, StoreError, UsageError
-from skillctl.store import errors, numbering
+from skillctl.store import errors, files, numbering
 
 
 @pytest.fixture
@@ -188,6 +188,55 @@ def test_a_removal_that_is_cut_short_frees_no_number(registry, versions, monkeyp
             registry.remove("reach", [3])
     assert registry.versions("reach") == (1, 2, 3)
     assert registry.publish("reach", versions[3]).version == 4
+
+
+WRITERS = {
+    "publish": lambda registry, data: registry.publish("reach", data),
+    "tag": lambda registry, _: registry.tag("reach", 1, "release"),
+    "remove": lambda registry, _: registry.remove("reach", [1]),
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_signatures_of_a_version_that_is_gone_are_removed_by_the_next_writer(registry, versions, writer):
+    """A removal may be killed when the version is gone and its signatures are not."""
+    directory = registry.root / "reach"
+    for name in ("2.h5.sig", "3.h5.sig", "notes.h5.sig", "02.h5.sig"):
+        (directory / name).write_text("# Signatures\n")
+    (directory / "3.h5").unlink()
+    (directory / "3.removed").touch()
+    WRITERS[writer](registry, versions[3])
+    assert sorted(directory.glob("*.sig")) == [
+        directory / name for name in ("02.h5.sig", "2.h5.sig", "notes.h5.sig")
+    ]
+
+
+def test_halves_of_signatures_are_removed_once_they_are_old(registry):
+    directory = registry.root / "reach"
+    for name, age in {"01234567": 2 * files.STALE_SECONDS, "76543210": 0}.items():
+        (path := directory / f".9.h5.sig.{name}.tmp").touch()
+        os.utime(path, (path.stat().st_mtime - age,) * 2)
+    registry.tag("reach", 1, "release")
+    assert [path.name for path in directory.glob("*.tmp")] == [".9.h5.sig.76543210.tmp"]
+
+
+def test_a_version_that_is_still_there_has_its_signatures(registry, monkeypatch):
+    (signatures := registry.root / "reach" / "2.h5.sig").write_text("# Signatures\n")
+    unlink = os.unlink
+
+    def refuse(path, **options):
+        if path == "2.h5":
+            raise OSError(5, "Input/output error")
+        unlink(path, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(numbering.os, "unlink", refuse)
+        with pytest.raises(StoreError):
+            registry.remove("reach", [1, 2])
+    assert registry.versions("reach") == (2, 3)
+    assert signatures.exists()
+    registry.remove("reach", [2])
+    assert not signatures.exists()
 
 
 CHURN = """

@@ -14,7 +14,7 @@ from skillctl.usecases.ls import list_skills
 HOURS = 2 * 3600.0  # [s]; a temporary file of that age belongs to nobody
 VERSION = re.compile(r"[1-9][0-9]*\.h5")
 TEMPORARY = re.compile(r"\.publishing-[0-9a-f]+|\..+\.[0-9a-f]+\.tmp")
-KNOWN = re.compile(r"[1-9][0-9]*\.(h5|removed)|refs\.toml")
+KNOWN = re.compile(r"[1-9][0-9]*\.(h5|h5\.sig|removed)|refs\.toml")
 
 
 @contextmanager
@@ -38,6 +38,7 @@ class Ledger:
         there: Content digest of each version that must be there, by number.
         given: All numbers that were ever reported.
         release: Version of the alias, 0 for none.
+        signed: Versions that have signatures, for as long as they are there.
         interrupted: What was announced last and never reported.
     """
 
@@ -45,6 +46,7 @@ class Ledger:
         self.there: dict[int, str] = {}
         self.given: set[int] = set()
         self.release = 0
+        self.signed: set[int] = set()
         self.interrupted = ""
         self.maybe_release: set[int] = set()
         self.maybe_gone: set[int] = set()
@@ -105,6 +107,7 @@ def require_clean(root: Path, ledger: Ledger, where: str = "") -> int:
             if not entry.verified or entry.problem:
                 raise Finding(f"{before}{skill.name}@{entry.version}: {entry.problem}")
     _require_versions(directory, ledger, before)
+    _require_signatures(directory, ledger, before)
     release = store.Registry(root).aliases("reach").get("release", 0)
     if release not in ledger.maybe_release | {ledger.release}:
         raise Finding(f"{before}release is {release}, not one of {ledger.maybe_release}")
@@ -128,6 +131,12 @@ def _require_versions(directory: Path, ledger: Ledger, before: str) -> None:
         raise Finding(f"{before}modes of {wrong}")
 
 
+def _require_signatures(directory: Path, ledger: Ledger, before: str) -> None:
+    for version in ledger.signed & ledger.there.keys():
+        if not store.read_signatures(directory / f"{version}.h5"):
+            raise Finding(f"{before}version {version} is there and its signature is not")
+
+
 def require_sweepable(root: Path, ledger: Ledger, data: bytes, where: str = "") -> None:
     """Raise Finding unless the next writers go on, and nothing temporary is left once it is old."""
     directory, registry = root / "reach", store.Registry(root)
@@ -147,3 +156,5 @@ def require_sweepable(root: Path, ledger: Ledger, data: bytes, where: str = "") 
     ledger.there[made.version] = made.digest
     if left := [path.name for path in directory.iterdir() if TEMPORARY.fullmatch(path.name)]:
         raise Finding(f"{where}: never swept: {left}")
+    if alone := [path.name for path in directory.glob("*.sig") if not path.with_suffix("").exists()]:
+        raise Finding(f"{where}: signatures of nothing: {alone}")

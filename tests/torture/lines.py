@@ -21,7 +21,7 @@ from skillctl import store
 from skillctl.errors import Terminated
 
 # Where the store is written.
-TRACED = ("registry.py", "publishing.py", "numbering.py", "aliases.py", "files.py")
+TRACED = ("registry.py", "publishing.py", "numbering.py", "aliases.py", "files.py", "signing.py")
 
 # What an operation prepares, and then does.
 Operation = Callable[[store.Registry, Tell], Callable[[], None]]
@@ -71,20 +71,34 @@ def remove_tagged(registry: store.Registry, tell: Tell) -> Callable[[], None]:
     return lambda: registry.remove("reach", [2]) and None
 
 
+def sign(registry: store.Registry, _: Tell) -> Callable[[], None]:
+    return lambda: put_signature(registry, 1) and None
+
+
 PUBLISHING: tuple[Operation, ...] = (publish, publish_named, publish_first)
-OPERATIONS: tuple[Operation, ...] = (*PUBLISHING, tag, untag, remove_newest, remove_tagged)
+OPERATIONS: tuple[Operation, ...] = (*PUBLISHING, tag, untag, remove_newest, remove_tagged, sign)
+
+
+def put_signature(registry: store.Registry, version: int) -> bool:
+    """Put a signature beside a version; that nobody's key made it does not matter here."""
+    path = registry.path_of("reach", version)
+    digest = store.digest_of(path.read_bytes())
+    return store.add_signature(path, store.Signature(f"ed25519:{'0' * 64}", digest, "0" * 128))
 
 
 def prepared(folder: Path, root: Path) -> tuple[store.Registry, Ledger]:
-    """Return a store of three versions, the second of them tagged."""
+    """Return a store of three versions, the second of them tagged, the last two signed."""
     registry, ledger = store.Registry(folder / "prepared"), Ledger()
     if not registry.names():
         for index in range(3):
             registry.publish("reach", content("prepared", index))
         registry.tag("reach", 2, "release")
+        for version in (2, 3):
+            put_signature(registry, version)
     shutil.copytree(registry.root, root)
     ledger.see(root)
     ledger.read(["tagged release 2"])
+    ledger.signed = {2, 3}
     return store.Registry(root), ledger
 
 
