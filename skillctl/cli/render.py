@@ -17,7 +17,9 @@ SCHEMA_VERSION = 1  # keys are only ever added under one version
 
 COLOURS = {
     "stable": "green",
+    "proved": "green",
     "not proved": "red",
+    "not signed": "red",
     "inconclusive": "yellow",
     "unreadable": "red",
     "failed": "red",

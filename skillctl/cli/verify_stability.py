@@ -143,19 +143,24 @@ def exit_code(report: VerifyReport, failures: list[Failure]) -> ExitCode:
 
 def blocks(report: VerifyReport) -> list[render.Block]:
     """Return the report for people."""
-    headings = ("skill", "verdict", "scope", "rate", "period", "controller ≥", "components", "digest")
-    rows = tuple(row for verdict in report.skills for row in _rows(verdict))
-    return [render.Table(headings, rows), *_explanations(report)]
+    headings = (
+        "skill", "verdict", "required", "scope", "rate", "period", "controller ≥", "components", "digest",
+    )  # fmt: skip
+    rows = [headings, *(row for verdict in report.skills for row in _rows(verdict))]
+    if not _asked(report):  # what the verdict is of is what is required
+        rows = [(*row[:2], *row[3:]) for row in rows]
+    return [render.Table(rows[0], tuple(rows[1:])), *_explanations(report)]
 
 
 def _rows(verdict: SkillVerdict) -> list[tuple[str, ...]]:
     certificate = verdict.certificate
     if certificate is None:
-        return [(verdict.skill, "unreadable", *["–"] * 6)]
+        return [(verdict.skill, "unreadable", *["–"] * 7)]
     components = sum(len(part.components) for part in certificate.parts)
     whole = (
         verdict.skill,
         certificate.verdict,
+        verdict.outcome,
         certificate.scope,
         *words.rate_and_period(certificate.rate, certificate.period),
         str(components),
@@ -167,6 +172,7 @@ def _rows(verdict: SkillVerdict) -> list[tuple[str, ...]]:
         (
             f"  part {part.part}",
             "stable" if part.proved else "not proved",
+            "",
             "",
             *words.rate_and_period(part.rate, part.period),
             str(len(part.components)),
@@ -181,13 +187,19 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
     """Return what is required and not proved, and why: leaf, component, and what sampling shows."""
     return [
         render.Lines(
-            f"{verdict.skill}: {verdict.outcome}",
+            f"{verdict.skill}: {_told(verdict, report)}",
             (*(verdict.unmet if _asked(report) else ()), *certificate.failures, *certificate.evidence),
         )
         for verdict in report.skills
         if (certificate := verdict.certificate) is not None
         and (verdict.unmet or certificate.verdict != "stable")
     ]
+
+
+def _told(verdict: SkillVerdict, report: VerifyReport) -> str:
+    if _asked(report) and verdict.outcome in ("proved", "not proved"):
+        return f"what is required is {verdict.outcome}"
+    return verdict.outcome
 
 
 def _asked(report: VerifyReport) -> bool:

@@ -45,10 +45,13 @@ class Requirements:
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise UsageError(f"{name}: must be a positive number of {unit}, got {value:g}.")
 
+    def reached_by(self, certificate: Certificate) -> bool:
+        """Return whether a certificate is proved of as many motions as is required."""
+        return certificate.scope in ("global", self.scope)
+
     def unmet_by(self, certificate: Certificate) -> tuple[str, ...]:
         """Return what a certificate does not prove of what is required, in sentences."""
-        reached = ("global", "local") if self.scope == "local" else ("global",)
-        if certificate.scope not in reached:
+        if not self.reached_by(certificate):
             return (f"Required is a {self.scope} proof; proved is {certificate.scope}.",)
         sentences = []
         if self.period is not None and (certificate.period is None or certificate.period < self.period):
@@ -77,8 +80,8 @@ class SkillVerdict:
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
         error: Why not.
-        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness;
-            ``not signed``: not refuted, but without the required signature.
+        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness of
+            the motions it is required of; ``not signed``: not refuted, but without the required signature.
         unmet: What of the requirements is not proved, in sentences.
         signature: What is known of the required signature; None if none is required.
     """
@@ -183,7 +186,8 @@ def _verdict(
     unmet = required.unmet_by(certificate)
     outcome: Outcome = "proved"
     if unmet:
-        outcome = "inconclusive" if certificate.verdict == "inconclusive" else "not proved"
+        unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
+        outcome = "inconclusive" if unknown else "not proved"
     if signed is not None and signed.state != "valid":
         unmet = (*unmet, f"Required is a signature; {signed.explanation}")
         outcome = "not proved" if outcome == "not proved" else "not signed"

@@ -112,7 +112,13 @@ def test_a_period_and_a_rate_can_be_required(run, library):
         assert run(*arguments, repr(exactly)).exit_code == 0
         refused = run(*arguments, repr(above * exactly))
         assert refused.exit_code == 1
-        assert "Required is a" in refused.stdout
+        row, told = refused.stdout.splitlines()[1], refused.stdout.split("\n\n")[1]
+        # The skill is stable, and that is not enough: each is said where it belongs.
+        assert row.split()[1:4] == ["stable", "not", "proved"]
+        assert told.splitlines()[0] == "curve@1: what is required is not proved"
+        assert "Required is a" in told
+        verdict = json.loads(run(*arguments, repr(above * exactly), "--json").stdout)["skills"][0]
+        assert (verdict["certificate"]["verdict"], verdict["outcome"]) == ("stable", "not proved")
         for wrong in ("0", "-1", "nan"):
             assert run(*arguments, wrong).exit_code == 2
 
@@ -126,3 +132,17 @@ def test_a_local_proof_is_enough_where_that_is_required(run, library, tmp_path):
     assert run("verify-stability", path, "--require", "local").exit_code == 0
     document = json.loads(run("verify-stability", path, "--require", "local", "--json").stdout)
     assert (document["skills"][0]["outcome"], document["required"]["scope"]) == ("proved", "local")
+    told = run("verify-stability", path, "--require", "local").stdout
+    assert told.splitlines()[0].split()[:3] == ["skill", "verdict", "required"]
+    assert told.splitlines()[1].split()[1:4] == [usual["certificate"]["verdict"], "proved", "local"]
+    assert f"{path}: what is required is proved" in told
+
+
+def test_a_period_that_is_too_long_for_a_local_proof_is_not_proved_rather_than_open(run, library, tmp_path):
+    path = tmp_path / "i.h5"
+    combine(["curve", "hook"], output=path, store=library, options=CombineOptions(gate="instantaneous"))
+    usual = json.loads(run("verify-stability", path, "--json").stdout)["skills"][0]
+    assert (usual["certificate"]["verdict"], usual["certificate"]["scope"]) == ("inconclusive", "local")
+    longer = repr(1.01 * usual["certificate"]["period"])
+    assert run("verify-stability", path, "--require", "local", "--period", longer).exit_code == 1
+    assert run("verify-stability", path, "--period", longer).exit_code == 3  # whether it arrives is open
