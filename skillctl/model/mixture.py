@@ -11,6 +11,7 @@ from skillctl.errors import InvalidModelError
 
 BLOCK = 4096  # states evaluated together: their features and weights stay in the second-level cache
 FARTHEST = 1e100  # squares of larger offsets would overflow; beyond it the direction alone still decides
+LARGEST = 1e104  # of a coefficient: sums of 4096 of them, times ``FARTHEST`` squared, are numbers
 
 
 def quadratic_coefficients(
@@ -115,13 +116,14 @@ class GaussianMixture:
         """Return the coefficients of log π_k N(x; μ_k, Σ_k) in the features of x − origin. Shape (K, F).
 
         Raises:
-            InvalidModelError: They are no numbers: covariances of 1e-310 or 1e308 are definite, but useless.
+            InvalidModelError: They, or what is computed with them, are no numbers: covariances of 1e-300 or
+                1e308 are definite, but useless.
         """
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             precisions = np.linalg.inv(self.covariances)
             precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
             found = quadratic_coefficients(self.log_peaks, self.means, precisions, origin)
-        if not np.isfinite(found).all():
+        if not (np.abs(found) <= LARGEST).all():  # NaN is not
             raise InvalidModelError("means and covariances: too large or too small to compute with.")
         return found
 

@@ -166,7 +166,6 @@ def test_far_away_the_widest_part_acts(make_skill, distance):
     assert (skill.part_at(distance * directions) == 1).all()
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered in exp")
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("factor", [1e-20, 1e-30, 1e-100])
 def test_covariances_too_small_for_rounding_still_give_velocities_between_those_of_the_components(

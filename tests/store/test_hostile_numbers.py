@@ -71,7 +71,8 @@ def scaled_by(factor):
       ("covariances", "residual_covariances", "lyapunov", "density_covariances")],
     (changed("model/attractors", (0, 0), 7.0), "must share one attractor"),
     (changed("model/lyapunov", (1, 0, 0), 7.0), "must share .* one Lyapunov matrix"),
-    (scaled_by(1e-311), "leaf 0: means and covariances: too large or too small"),
+    *[(scaled_by(factor), "leaf 0: means and covariances: too large or too small") for factor in
+      (1e-311, 1e-300, 1e-120)],
     (changed("model/density_means", (0, 0), 1e300), "leaf 0: means and covariances: too large or too small"),
     (changed("demonstrations/times", 1, -1.0), "time does not increase"),
     (changed("demonstrations/offsets", 0, 1), "must rise from 0"),

@@ -25,6 +25,7 @@ NAME = "spoiled.h5"
 CPU_LIMIT = 1.0  # [s] for reading one small file
 HOLDS = re.compile(r"states (a kind|a digest) of \S+, but it holds (seds|merged|combined|sha256:\w{64})")
 MESSAGE_LIMIT = 500  # characters
+DISTANCES = (0.0, 1e-9, 1.0, 1e9, 1e99, 1e200)  # from the attractor, at which there are gates and a density
 
 REFUSED = "refused"
 SAME = "accepted, same"
@@ -173,9 +174,11 @@ def _require_rules(skill: Skill) -> None:
                 raise Broken(UNSOUND, f"{name}: {values}")
         if not np.isfinite(leaf.system_matrices).all():
             raise Broken(UNSOUND, "system_matrices not finite")
+        places = leaf.attractor + np.outer(DISTANCES, np.ones(leaf.dimension))
         with np.errstate(all="raise", under="ignore"):
-            if not np.isfinite(leaf.density.log_density(leaf.attractor[None])).all():
-                raise Broken(UNSOUND, "density not finite at the attractor")
+            known, gates = leaf.density.log_density(places), leaf.responsibilities(places)
+        if not (np.isfinite(known).all() and np.isfinite(gates).all()):
+            raise Broken(UNSOUND, f"density {known} and gates {gates} away from the attractor")
     for name, matrices in _matrices(skill):
         if (matrices != matrices.swapaxes(1, 2)).any() or not (np.einsum("kii->ki", matrices) > 0).all():
             raise Broken(UNSOUND, f"{name}: {matrices}")
