@@ -18,6 +18,8 @@ Example:
   skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5
   skillctl combine left.h5 right.h5 --calibrate -o both.h5"""
 
+SELDOM = 0.5  # a part that acts at a smaller share of the starts of its demonstrations is worth a warning
+
 
 def combine(
     context: typer.Context,
@@ -109,6 +111,8 @@ def combine(
     words.explain(output, report.notes, report.reasons if explain else ())
     for sentence in report.not_guaranteed:
         output.note(f"warning: not guaranteed: {sentence}")
+    for sentence in _displaced(report):
+        output.note(f"warning: {sentence}")
     output.result(report, lambda: blocks(report))
 
 
@@ -127,6 +131,18 @@ def blocks(report: CombineReport) -> list[render.Block]:
     )
     again = [words.refits(report.refits, report.unit)] if report.refits else []
     return [words.parts(report.parts, "prior"), *again, render.Table(headings, coverage), render.Facts(facts)]
+
+
+def _displaced(report: CombineReport) -> list[str]:
+    """Return a sentence for each part that seldom acts where it was taught: a proof does not see that."""
+    untried = report.status == "combined" and report.coverage_before is None
+    advice = "; --calibrate chooses priors that give it more" if untried else ""
+    return [
+        f"part {part.part} acts at {round(part.selected * part.demonstrations)} of the {part.demonstrations} "
+        f"starts of its own demonstrations, another part at the others{advice}."
+        for part in report.coverage
+        if part.selected < SELDOM
+    ]
 
 
 def _coverage(report: CombineReport) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:

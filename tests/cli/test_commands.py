@@ -82,6 +82,23 @@ def test_merge_and_combine_report_parts_and_proof(run, library, tmp_path):
         assert "stable" in text.stdout
 
 
+@pytest.mark.parametrize("gate", ["latched", "instantaneous"])
+def test_a_part_that_seldom_acts_where_it_was_taught_is_told_though_all_is_proved(
+    run, library, tmp_path, gate
+):
+    one_end = ["--align", "--target", "0,0", "--gate", gate, "-o", tmp_path / "c.h5"]
+    command = ["combine", "curve", "hook", "--store", library, *one_end]
+    even = run(*command)
+    assert "warning" not in even.stderr
+    result = run(*command, "--priors", "1,1e-200")
+    assert (result.exit_code, "stable" in result.stdout) == (0, True)
+    told = " ".join(result.stderr.split())
+    assert "warning: part 2 acts at 0 of the 4 starts of its own demonstrations" in told
+    assert "part 1 acts" not in told
+    assert "--calibrate" in told
+    assert "acts at" not in run(*command, "--priors", "1,1e-200", "--force", "--quiet").stderr
+
+
 def test_the_same_part_twice_is_allowed_and_said(run, library, tmp_path):
     result = run("merge", "curve", "curve", "--store", library, "-o", tmp_path / "m.h5")
     assert result.exit_code == 0
