@@ -1,4 +1,4 @@
-"""Reading the TOML files that people write: a table, or a sentence on why it is none."""
+"""Reading TOML: a table, or a sentence on why it is none."""
 
 from __future__ import annotations
 
@@ -16,8 +16,20 @@ else:  # the same parser under its older name
 MAX_BYTES = 1 << 20
 
 
+def parse_toml(data: bytes) -> dict[str, Any]:
+    """Return the document that the bytes of a TOML file hold.
+
+    Raises:
+        ValueError: Not UTF-8, or not TOML.
+    """
+    try:
+        return tomllib.loads(data.decode("utf-8"))  # what this raises are ValueErrors
+    except RecursionError as error:  # but for brackets nested too deeply
+        raise ValueError(str(error)) from None
+
+
 def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
-    """Return the document in a TOML file.
+    """Return the document in a TOML file that somebody wrote.
 
     Args:
         path: The file.
@@ -36,7 +48,6 @@ def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
     if len(data) > MAX_BYTES:
         raise InputDataError(f"{path}: is no {kind}: it has more than {MAX_BYTES} bytes.", hint=hint)
     try:
-        # UnicodeDecodeError and TOMLDecodeError are ValueErrors; brackets can be nested too deeply.
-        return tomllib.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
+        return parse_toml(data)
+    except ValueError as error:
         raise InputDataError(f"{path}: is not TOML: {printable(str(error))[:200]}.", hint=hint) from None

@@ -39,8 +39,7 @@ def quickstart(
         report = run_quickstart(
             directory, announce=lambda command: output.note(f"$ {command}"), progress=progress
         )
-    for note in report.notes:
-        output.note(f"note: {note}")
+    words.explain(output, report.notes)
     output.result(report, lambda: blocks(report))
     raise typer.Exit(ExitCode.DONE if report.success else ExitCode.NEGATIVE)
 

@@ -198,8 +198,7 @@ def simulate(
                 lock=lock,
                 progress=progress,
             )
-        for note in batch.notes:
-            output.note(f"note: {note}")
+        words.explain(output, batch.notes)
         output.result(batch, lambda: many.blocks(batch))
         raise typer.Exit(ExitCode.DONE if batch.enough else ExitCode.NEGATIVE)
     many.refuse_for_one(table=table, overview=overview, jobs=jobs, scheduler=scheduler)
@@ -217,8 +216,7 @@ def simulate(
             lock=lock,
             progress=progress,
         )
-    for note in report.notes:
-        output.note(f"note: {note}")
+    words.explain(output, report.notes)
     output.result(report, lambda: blocks(report))
     raise typer.Exit(ExitCode.DONE if report.success else ExitCode.NEGATIVE)
 

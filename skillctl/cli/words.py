@@ -93,7 +93,7 @@ def up_to_date(skill: str, inputs: str) -> str:
     return f"{skill} is up to date: the same {inputs} and options gave it. --force makes it again."
 
 
-def explain(output: Output, notes: Sequence[str], reasons: Sequence[str]) -> None:
+def explain(output: Output, notes: Sequence[str], reasons: Sequence[str] = ()) -> None:
     """Say what was noticed, and why something was made."""
     for note in notes:
         output.note(f"note: {note}")

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
-from skillctl.store.errors import InvalidRefsError, NotAnArtifactError
-from skillctl.store.files import read_once, write_file
+from skillctl.store.errors import InvalidRefsError
+from skillctl.store.files import read_document, write_file
 from skillctl.store.references import is_version, is_word
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # the same parser under its older name
-    import tomli as tomllib
 
 REFS_FILE = "refs.toml"
 MAX_REFS_BYTES = 1 << 20
@@ -49,16 +43,9 @@ def read_aliases(directory: Path) -> dict[str, int]:
     """
     path = directory / REFS_FILE
     try:
-        data = read_once(path, MAX_REFS_BYTES)
+        document = read_document(path, MAX_REFS_BYTES, InvalidRefsError)
     except NotFoundError:
         return {}
-    except NotAnArtifactError as error:
-        raise InvalidRefsError(str(path), error.reason) from None
-    try:
-        # UnicodeDecodeError and TOMLDecodeError are ValueErrors; brackets can be nested too deeply.
-        document = tomllib.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InvalidRefsError(str(path), f"not TOML ({error})") from None
     return dict(sorted(_checked(document, str(path)).items()))
 
 

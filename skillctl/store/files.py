@@ -12,8 +12,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from skillctl.errors import NotFoundError, StoreError, printable
+from skillctl.errors import ArtifactError, NotFoundError, StoreError, printable
 from skillctl.store.errors import NotAnArtifactError
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
@@ -30,6 +31,31 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
     """
     with _opened(path, limit) as (descriptor, _), os.fdopen(descriptor, "rb", closefd=False) as file:
         return file.read(limit + 1)
+
+
+def read_document(path: Path, limit: int, invalid: Callable[[str, str], ArtifactError]) -> dict[str, Any]:
+    """Return the document in one of the store's own TOML files.
+
+    Args:
+        path: The file.
+        limit: Bytes that it may have.
+        invalid: Makes the error for a file, by name, that is none, and the reason.
+
+    Raises:
+        NotFoundError: There is no such file.
+        ArtifactError: What ``invalid`` makes.
+        StoreError: The system does not let us read it.
+    """
+    from skillctl.toml_files import parse_toml  # late: few commands meet such a file
+
+    try:
+        data = read_once(path, limit)
+    except NotAnArtifactError as error:
+        raise invalid(str(path), error.reason) from None
+    try:
+        return parse_toml(data)
+    except ValueError as error:
+        raise invalid(str(path), f"not TOML ({error})") from None
 
 
 def read_beginning(path: Path, length: int, limit: int = MAX_FILE_BYTES) -> tuple[bytes, int]:

@@ -21,12 +21,17 @@ def locate_store(explicit: str | Path | None = None) -> Path:
     named = explicit or os.environ.get(STORE_VARIABLE)
     if named:
         return Path(named).resolve()
-    here = Path.cwd()
-    for directory in (here, *here.parents):
-        if (directory / STORE_NAME).is_dir():
-            return directory / STORE_NAME
+    for place in upwards(STORE_NAME):
+        if place.is_dir():
+            return place
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "skillctl" / STORE_NAME
+
+
+def upwards(name: str) -> list[Path]:
+    """Return where a file of that name may lie, from the working directory upwards."""
+    here = Path.cwd()
+    return [directory / name for directory in (here, *here.parents)]
 
 
 def locate(reference: str, store: str | Path | None = None) -> Located:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,15 +13,10 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import read_once, write_file
-from skillctl.store.locating import locate, locate_store
+from skillctl.store.files import read_document, read_once, write_file
+from skillctl.store.locating import locate, locate_store, upwards
 from skillctl.store.references import is_name, is_version, parse_reference
 from skillctl.store.registry import Located, Registry, existing_file
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # the same parser under its older name
-    import tomli as tomllib
 
 LOCK_VARIABLE = "SKILLCTL_LOCK"
 LOCK_NAME = "skillctl.lock"
@@ -154,11 +148,7 @@ def locate_lock() -> Path:
     named = os.environ.get(LOCK_VARIABLE)
     if named:
         return Path(named).resolve()
-    here = Path.cwd()
-    for directory in (here, *here.parents):
-        if (directory / LOCK_NAME).is_file():
-            return directory / LOCK_NAME
-    return here / LOCK_NAME
+    return next((place for place in upwards(LOCK_NAME) if place.is_file()), Path.cwd() / LOCK_NAME)
 
 
 def read_lock(path: Path) -> Lock:
@@ -170,18 +160,11 @@ def read_lock(path: Path) -> Lock:
         StoreError: The system does not let us read it.
     """
     try:
-        data = read_once(path, MAX_LOCK_BYTES)
+        document = read_document(path, MAX_LOCK_BYTES, InvalidLockError)
     except NotFoundError:
         raise NotFoundError(
             f"{printable(str(path))}: there is no lock file.", hint="`skillctl lock SKILL…` writes one."
         ) from None
-    except NotAnArtifactError as error:
-        raise InvalidLockError(str(path), error.reason) from None
-    try:
-        # UnicodeDecodeError and TOMLDecodeError are ValueErrors; brackets can be nested too deeply.
-        document = tomllib.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InvalidLockError(str(path), f"not TOML ({error})") from None
     return Lock(path, _skills_of(document, str(path)))
 
 
