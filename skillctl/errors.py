@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -20,6 +21,24 @@ def printable(text: str) -> str:
         char.encode("unicode_escape").decode("ascii") if unicodedata.category(char) in UNPRINTABLE else char
         for char in text
     )
+
+
+def did_you_mean(
+    word: str, known: Iterable[str] | Mapping[str, str], *, most: int = 1, cutoff: float = 0.6
+) -> str:
+    """Return ``Did you mean …?`` with the known words nearest to one that is not, or nothing.
+
+    Args:
+        word: What was given.
+        known: What it may have been meant to be; a mapping says how each is shown.
+        most: How many are named.
+        cutoff: How near they have to be, from 0 to 1 for the word itself.
+    """
+    import difflib  # late: only mistakes need it
+
+    shown = dict(known) if isinstance(known, Mapping) else {name: name for name in known}
+    near = difflib.get_close_matches(word, list(shown), n=most, cutoff=cutoff)
+    return f"Did you mean {' or '.join(shown[name] for name in near)}?" if near else ""
 
 
 class SkillctlError(Exception):

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
-from skillctl.cli.errors import did_you_mean, forget_published
+from skillctl.cli.errors import forget_published, nearest_word
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
@@ -97,7 +97,7 @@ class CommandGroup(TyperGroup):
                 return None, None, args[1:]
             raise errors.UsageError(
                 f"No such command: {name}.",
-                hint=did_you_mean(name, COMMANDS) or "'skillctl --help' lists the commands.",
+                hint=nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands.",
             )
         if ctx.obj is not None:
             ctx.obj.command = f"skillctl {name}"

@@ -60,11 +60,11 @@ def schema_of_output(name: str) -> Schema:
     Raises:
         NotFoundError: No command prints that.
     """
-    from skillctl.cli.errors import did_you_mean
+    from skillctl.cli.errors import nearest_word
 
     if name not in OUTPUTS:
         raise NotFoundError(
-            f"no command prints {name!r}.", hint=did_you_mean(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
+            f"no command prints {name!r}.", hint=nearest_word(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
         )
     catalogue = Catalogue()
     documents = [catalogue.schema_of(report) for report in report_types(name)]

@@ -11,7 +11,7 @@ import typer
 
 from skillctl import errors
 from skillctl.cli.exit_codes import ExitCode
-from skillctl.errors import printable
+from skillctl.errors import did_you_mean, printable
 
 # First match wins, so a subclass stands before its base.
 EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
@@ -95,13 +95,9 @@ def _published() -> str:
     return f"{', '.join(versions)} {verb} published" if versions else ""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def nearest_word(word: str, known: Iterable[str]) -> str:
     """Return ``Did you mean …?`` for the nearest known word, or nothing. Dashes in front do not count."""
-    import difflib  # late: only mistakes need it
-
-    bare = {name.lstrip("-"): name for name in known}
-    nearest = difflib.get_close_matches(word.lstrip("-"), list(bare), n=1, cutoff=0.55)
-    return f"Did you mean {bare[nearest[0]]}?" if nearest else ""
+    return did_you_mean(word.lstrip("-"), {name.lstrip("-"): name for name in known}, cutoff=0.55)
 
 
 def _usage_failure(error: Exception) -> Failure:
@@ -110,13 +106,13 @@ def _usage_failure(error: Exception) -> Failure:
     hint = ""
     if option is not None and hasattr(error, "possibilities"):
         message = f"No such option: {option}"
-        hint = did_you_mean(option, _options_of(error))
+        hint = nearest_word(option, _options_of(error))
     elif callable(render := getattr(error, "format_message", None)):
         message = render()
     for pattern, words in REWORDED:
         message = pattern.sub(words, message)
     if choice := CHOICES.search(message):
-        hint = did_you_mean(choice["word"], re.findall("'([^']*)'", choice["known"]))
+        hint = nearest_word(choice["word"], re.findall("'([^']*)'", choice["known"]))
     return Failure(ExitCode.USAGE, printable(_sentence(message)), printable(hint))
 
 

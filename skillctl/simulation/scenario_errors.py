@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from skillctl.errors import printable
+from skillctl.errors import did_you_mean, printable
 
 KINDS = {"shelf", "table", "push", "move-target", "displace"}  # pydantic's steps, not keys
 
@@ -30,18 +29,13 @@ def in_words(error: ValidationError, known: Collection[str]) -> str:
     if first["type"] == "value_error":  # ours, of a whole table: it names the key within it itself
         return ".".join([*filter(None, [key]), str(first["ctx"]["error"])])
     if first["type"] == "extra_forbidden":
-        return f"{key}: there is no such key.{_did_you_mean(str(steps[-1]), known)}"
+        return f"{key}: there is no such key. {did_you_mean(str(steps[-1]), sorted(known))}".rstrip()
     if first["type"] == "missing":
         return f"{key}: {number}is missing."
     if key == "target" and isinstance(first["input"], str):
         return f"target: must be cup, or numbers, got {_shown(first['input'])}."
     given = "" if isinstance(first["input"], dict) else f", got {_shown(first['input'])}"
     return f"{key}: {number}{_expected(first)}{given}."
-
-
-def _did_you_mean(key: str, known: Collection[str]) -> str:
-    nearest = difflib.get_close_matches(key, sorted(known), n=1)
-    return f" Did you mean {nearest[0]}?" if nearest else ""
 
 
 def _expected(detail: ErrorDetails) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
 import signal
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.errors import InputDataError, NotFoundError, UsageError, printable
+from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
 from skillctl.simulation import probe
 from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
 from skillctl.simulation.bullet import load_bullet, silenced
@@ -152,10 +151,9 @@ def _named_link(path: Path, joints: list[Joint], tip: str) -> int:
     links = {joint["link"]: int(joint["index"]) for joint in joints}
     if tip in links:
         return links[tip]
-    near = difflib.get_close_matches(tip, list(links), n=1)
     raise UsageError(
         f"tip: {path} has no link {tip!r} beyond its base.",
-        hint=f"Did you mean {near[0]}?" if near else f"Its links are {', '.join(links)}.",
+        hint=did_you_mean(tip, list(links)) or f"Its links are {', '.join(links)}.",
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import errno
 import os
 import re
@@ -14,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, printable
+from skillctl.errors import ArtifactError, NotFoundError, StoreError, did_you_mean, printable
 from skillctl.store.errors import NotAnArtifactError
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
@@ -114,8 +113,7 @@ def missing_file(path: Path) -> NotFoundError:
     siblings: list[str] = []
     with suppress(OSError):
         siblings = [entry.name for entry in os.scandir(path.parent)]
-    near = difflib.get_close_matches(path.name, siblings, n=2)
-    hint = f"Did you mean {' or '.join(str(path.parent / name) for name in near)}?" if near else ""
+    hint = did_you_mean(path.name, {name: str(path.parent / name) for name in siblings}, most=2)
     return NotFoundError(
         f"{printable(str(path))}: there is no such file.", hint=printable(hint) or "Check the path."
     )

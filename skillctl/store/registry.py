@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, printable
+from skillctl.errors import ArtifactError, NotFoundError, StoreError, did_you_mean, printable
 from skillctl.store.aliases import read_aliases, require_alias, write_aliases
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import missing_file, read_once, system_errors
@@ -23,7 +22,7 @@ from skillctl.store.numbering import (
 from skillctl.store.publishing import Link, staged
 from skillctl.store.references import MAX_VERSION, is_name, parse_reference, require_name
 from skillctl.store.seal import read_header
-from skillctl.store.selection import select, unknown_alias
+from skillctl.store.selection import select, unknown_alias, what_there_is
 
 PUBLISHED: list[str] = []  # by this process, for what it is told when it is interrupted later on
 
@@ -305,15 +304,12 @@ class Registry:
 
     def _unknown_name(self, name: str) -> NotFoundError:
         known = self.names()
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        if Path(name).is_file():
-            hint = f"For the file of that name, write ./{name}."
-        elif near:
-            hint = f"Did you mean {' or '.join(near)}?"
-        elif known:
-            hint = f"It has {', '.join(known[:8])}{' …' if len(known) > 8 else ''}."
-        else:
-            hint = "It holds no skills yet; `skillctl learn DATA --name NAME` stores one."
+        hint = (
+            (f"For the file of that name, write ./{name}." if Path(name).is_file() else "")
+            or did_you_mean(name, known, most=3, cutoff=0.5)
+            or what_there_is(known)
+            or "It holds no skills yet; `skillctl learn DATA --name NAME` stores one."
+        )
         return NotFoundError(
             f"the store {printable(str(self.root))} has no skill {name}.", hint=printable(hint)
         )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from skillctl.errors import NotFoundError, UsageError
+from skillctl.errors import NotFoundError, UsageError, did_you_mean
 from skillctl.store.references import Reference
 
 DigestOf = Callable[[int], str | None]
@@ -61,14 +60,17 @@ def _with_alias(name: str, alias: str, numbers: tuple[int, ...], aliases: Mappin
 def unknown_alias(name: str, alias: str, aliases: Iterable[str]) -> NotFoundError:
     """Return the error for an alias that a skill does not have."""
     known = list(aliases)
-    near = difflib.get_close_matches(alias, known, n=1, cutoff=0.5)
-    if near:
-        hint = f"Did you mean {name}@{near[0]}?"
-    elif known:
-        hint = f"It has {', '.join(known[:8])}{' …' if len(known) > 8 else ''}."
-    else:
-        hint = f"It has no aliases yet; `skillctl tag {name}@N {alias}` makes one."
+    hint = (
+        did_you_mean(alias, {word: f"{name}@{word}" for word in known}, cutoff=0.5)
+        or what_there_is(known)
+        or f"It has no aliases yet; `skillctl tag {name}@N {alias}` makes one."
+    )
     return NotFoundError(f"{name} has no alias {alias}.", hint=hint)
+
+
+def what_there_is(known: Sequence[str]) -> str:
+    """Return ``It has …`` with the first few of the known words, or nothing."""
+    return f"It has {', '.join(known[:8])}{' …' if len(known) > 8 else ''}." if known else ""
 
 
 def _with_digest(name: str, beginning: str, numbers: tuple[int, ...], digest_of: DigestOf) -> int:

@@ -18,7 +18,6 @@ The other keys are the options of ``skillctl learn`` by their long names, withou
 
 from __future__ import annotations
 
-import difflib
 import glob
 import os
 from collections import Counter
@@ -27,7 +26,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from skillctl.errors import InputDataError, NotFoundError, UsageError, printable
+from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
 from skillctl.learning import LearnOptions
 from skillctl.learning.options import Metric, Objective, Preset
 from skillctl.toml_files import read_toml
@@ -259,10 +258,8 @@ def _in_words(error: ValidationError, kind: type[Choices]) -> str:
         case "extra_forbidden":
             if kind is Choices and key in OF_EACH:
                 return f"{said}stands in [[skills]], for each by itself."
-            nearest = difflib.get_close_matches(key.replace("_", "-"), sorted(names), n=1)
-            return printable(
-                f"{said}there is no such key.{f' Did you mean {nearest[0]}?' if nearest else ''}"
-            )
+            meant = did_you_mean(key.replace("_", "-"), sorted(names))
+            return printable(f"{said}there is no such key. {meant}").rstrip()
     expected = first["msg"]
     for pydantic, ours in REWORDED.items():
         expected = expected.replace(pydantic, ours)

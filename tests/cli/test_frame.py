@@ -13,7 +13,7 @@ import pytest
 
 from skillctl import errors
 from skillctl.cli.app import COMMANDS, load_command
-from skillctl.cli.errors import describe, did_you_mean
+from skillctl.cli.errors import describe, nearest_word
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
@@ -120,8 +120,8 @@ def test_control_characters_are_never_echoed_raw(run):
 
 
 def test_suggestions_are_near_or_absent():
-    assert did_you_mean("simulat", COMMANDS) == "Did you mean simulate?"
-    assert did_you_mean("xylophone", COMMANDS) == ""
+    assert nearest_word("simulat", COMMANDS) == "Did you mean simulate?"
+    assert nearest_word("xylophone", COMMANDS) == ""
 
 
 class _Broken:
