@@ -81,6 +81,17 @@ def numbers(rng: Random, body: h5py.File) -> None:
         body[path][...] = values
 
 
+@edited
+def scales(rng: Random, body: h5py.File) -> None:
+    """The model in numbers of another order of magnitude: definite matrices stay so."""
+    of_the_model = [path for path in paths(body) if path.startswith("model/") and "priors" not in path]
+    with np.errstate(all="ignore"):
+        for path in rng.sample(of_the_model, rng.choice((1, 1, 2, len(of_the_model)))):
+            body[path][...] = body[path][()] * 10.0 ** rng.choice(
+                (rng.uniform(-308, 308), rng.uniform(-30, 30))
+            )
+
+
 def _rewrite(body: h5py.File, path: str, values: Any, **options: Any) -> None:
     del body[path]
     body.create_dataset(path, data=values, **{"track_times": False, **options})
@@ -220,4 +231,4 @@ def metadata(rng: Random, body: h5py.File) -> None:
     _rewrite(body, "meta.json", np.frombuffer(text or b"{}", np.uint8))
 
 
-INSIDE: dict[str, Mutation] = {m.__name__: m for m in (numbers, shapes, members, links, metadata)}
+INSIDE: dict[str, Mutation] = {m.__name__: m for m in (numbers, scales, shapes, members, links, metadata)}
