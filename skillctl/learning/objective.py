@@ -1,4 +1,4 @@
-"""What is minimised: velocity errors, and distances between rollouts and demonstrations."""
+"""What is minimised: velocity errors, distances between rollouts and demonstrations, and haste."""
 
 from __future__ import annotations
 
@@ -26,14 +26,20 @@ class Weights:
         overrun: Length of a rollout, in durations of its demonstration.
         displacement: How far beside the recorded starts displaced copies start, in rms distances.
         displaced_share: Share of the rollout weight that the displaced copies have.
+        beyond: How far beside them copies start whose velocities alone count, in rms distances.
+        beyond_weight: Weight of these velocity errors against those on the demonstrations, both mean.
+        haste: Price of the squared Frobenius norm of each A_k.
     """
 
     rollout: float = 100.0
     phase: float = 1.0
     robust: float = 0.05
     overrun: float = 1.1
-    displacement: float = 0.1
+    displacement: float = 0.07
     displaced_share: float = 0.5
+    beyond: tuple[float, ...] = (0.5, 1.0)
+    beyond_weight: float = 0.05
+    haste: float = 1e-4
 
 
 DEFAULT_WEIGHTS = Weights()
@@ -64,7 +70,7 @@ class Matching:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evaluation:
-    """Residuals at one field. Jᵀ residuals is the gradient of the cost for a fixed matching.
+    """Residuals at one field. Jᵀ residuals is the gradient of the cost for a fixed matching, but for haste.
 
     The cost is robust, so it is not ½‖residuals‖².
     """
@@ -97,8 +103,12 @@ class LearningObjective:
         self.paths, self.path_weights = _with_displaced(data.positions, weights)
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.root = spread_root(data.points[0])
-        self.positions, self.targets = (a.T.copy() for a in data.points)
-        self.velocity_weight = 1.0 / np.sqrt(self.positions.shape[1])
+        shown, beyond = data.points, _beyond(data, weights.beyond if rollouts else ())
+        self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(shown, beyond, strict=True))
+        counts = len(shown[0]), len(beyond[0])
+        shares = 1 / counts[0], weights.beyond_weight / max(counts[1], 1)
+        self.velocity_weights = np.sqrt(np.repeat(shares, counts))
+        self.haste = weights.haste if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = _phases(self.paths)
 
@@ -108,8 +118,8 @@ class LearningObjective:
 
     def evaluate(self, field: Field) -> Evaluation:
         """Return the residuals at ``field``."""
-        velocity = (self.velocity_weight * (field.velocities(self.positions) - self.targets)).T.ravel()
-        cost = 0.5 * float(velocity @ velocity)
+        velocity = (self.velocity_weights * (field.velocities(self.positions) - self.targets)).T.ravel()
+        cost = 0.5 * (float(velocity @ velocity) + self.haste * float((field.matrices**2).sum()))
         if not self.rollouts:
             return Evaluation(field, cost, velocity, None)
         matching = self._matched(field)
@@ -117,12 +127,16 @@ class LearningObjective:
         return Evaluation(field, cost + matching.cost, np.append(velocity, rollout), matching)
 
     def normal_equations(self, evaluation: Evaluation) -> tuple[FloatArray, FloatArray]:
-        """Return JᵀJ and Jᵀr with the matching held fixed. Shapes (p, p) and (p,)."""
+        """Return JᵀJ and Jᵀr with the matching held fixed, haste included. Shapes (p, p) and (p,)."""
         field, matching = evaluation.field, evaluation.matching
         p = field.n_parameters
-        velocity = self.velocity_weight * field.linearised(self.positions)[2].reshape(-1, p)
+        velocity = self.velocity_weights[:, None, None] * field.linearised(self.positions)[2]
+        velocity = velocity.reshape(-1, p)
         normal = velocity.T @ velocity
         slope = velocity.T @ evaluation.residuals[: len(velocity)]
+        matrices = np.arange(field.matrices.size)
+        normal[matrices, matrices] += self.haste
+        slope[matrices] += self.haste * field.matrices.ravel()
         if matching is not None:
             table = rollout_sensitivities(field, matching.states, matching.predicted, self.steps)
             table = table.reshape(-1, self.data.dimension, p)
@@ -195,16 +209,49 @@ def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, Fl
     count, _, d = paths.shape
     if weights.displacement == 0:
         return paths, np.full(count, 1 / count)
-    initial = paths[:, paths.shape[1] // 10] - paths[:, 0]
-    initial /= np.maximum(np.linalg.norm(initial, axis=1, keepdims=True), 1e-12)
+    initial = _directions(paths[:, paths.shape[1] // 10] - paths[:, 0])
     across = np.random.default_rng(0).standard_normal((count, d))
-    across -= (across * initial).sum(axis=1, keepdims=True) * initial
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    across = _directions(across - (across * initial).sum(axis=1, keepdims=True) * initial)
     left = (1.0 - _phases(paths))[..., None]
     share = weights.displaced_share
     shifts = [weights.displacement * (sign * across - initial)[:, None] * left for sign in (1.0, -1.0)]
     copies = np.concatenate([paths, *(paths + shift for shift in shifts)])
     return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
+
+
+def _beyond(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities on copies of the demonstrations that start far beside them.
+
+    A copy closes in on its demonstration as the share of path left. Each demonstration has two on opposite
+    sides for every distance, in a random direction of its own; where there are few demonstrations, in
+    several, so that at least d directions are taken.
+
+    Args:
+        data: Demonstrations.
+        distances: How far from their starts copies start, in rms distances.
+
+    Returns:
+        Both of shape (n, d).
+    """
+    paths, velocities = data.positions, data.velocities
+    count, _, d = paths.shape
+    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2).sum(axis=1)
+    left = (1.0 - _phases(paths))[..., None]
+    closing = (np.linalg.norm(velocities, axis=2) / np.maximum(lengths, 1e-12)[:, None])[..., None]
+    positions, moving = [np.empty((0, d))], [np.empty((0, d))]
+    for distance in distances:
+        generator = np.random.default_rng(1)
+        for _ in range(-(-2 * d // count)):
+            aside = distance * _directions(generator.standard_normal((count, d)))[:, None]
+            for shift in (aside, -aside):
+                positions.append((paths + shift * left).reshape(-1, d))
+                moving.append((velocities - shift * closing).reshape(-1, d))
+    return np.concatenate(positions), np.concatenate(moving)
+
+
+def _directions(vectors: FloatArray) -> FloatArray:
+    """Return vectors (n, d) at length one; those of no length stay."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
 
 
 def _phases(paths: FloatArray) -> FloatArray:

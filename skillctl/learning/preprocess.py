@@ -86,10 +86,30 @@ def trim_rests(demonstration: Demonstration) -> Demonstration:
     if last - first < 1:
         return demonstration
     # The end of a motion is where it came to rest, not where it crossed the limit.
-    end = demonstration.positions[-1:]
-    positions = np.vstack([x[first:last], end])
-    times = demonstration.times[first : last + 1]
+    positions = np.vstack([x[first:last], x[-1:]])
+    times = np.append(demonstration.times[first:last], _arrival(demonstration, last, limit))
     return Demonstration.from_positions(times - times[0], positions, demonstration.source)
+
+
+def _arrival(demonstration: Demonstration, last: int, limit: float) -> float:
+    """Return when a motion comes to rest that goes on at the pace at which it came as near as the limit.
+
+    Without pace it would leap over what is left of the way, from one sample to the next. It arrives no
+    later than the recording ends.
+
+    Args:
+        demonstration: With its rest.
+        last: Index of the first sample within the limit from the end, for good.
+        limit: In the unit of the space.
+    """
+    x, t = demonstration.positions, demonstration.times
+    away = np.linalg.norm(x - x[-1], axis=1)
+    before = int(np.flatnonzero(away[:last] > 2 * limit)[-1]) if (away[:last] > 2 * limit).any() else 0
+    covered = away[before] - away[last - 1]
+    if covered <= 0:
+        return float(t[last])
+    arrival = t[last - 1] + away[last - 1] * (t[last - 1] - t[before]) / covered
+    return float(np.clip(arrival, t[last], t[-1]))
 
 
 def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArray]:

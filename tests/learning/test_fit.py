@@ -80,6 +80,22 @@ def test_reproduction_follows_the_motion_closer_than_velocities_alone(
     assert distances["reproduction"] < distances["mse"]
 
 
+@pytest.mark.parametrize("motion", ["Sshape", "GShape", "Zshape"])
+def test_a_field_is_not_hasty_where_nothing_was_shown(
+    lasa: Callable[[str], DemonstrationSet], motion: str
+) -> None:
+    shown = lasa(motion)
+    skill = fit(shown).skill
+    points = np.vstack([d.positions for d in shown])
+    low, high = points.min(axis=0), points.max(axis=0)
+    grid = np.stack(np.meshgrid(*np.linspace(2 * low - high, 2 * high - low, 40).T), axis=-1).reshape(-1, 2)
+    fastest = max(np.linalg.norm(d.velocities, axis=1).max() for d in shown)
+    # Up to one extent beside the data a motion may be some times as fast as any shown, as it may have as many
+    # times as far to go. Without a price on haste it was hundreds of times as fast.
+    assert np.linalg.norm(skill.velocity(grid), axis=1).max() < 10 * fastest
+    assert np.abs(np.linalg.eigvals(skill.component_matrices)).max() * shown.demonstrations[0].duration < 50
+
+
 @pytest.mark.parametrize("dimension", [1, 2, 3, 7])
 def test_any_dimension_can_be_learned(curved: Curved, dimension: int) -> None:
     demonstrations = curved(dimension=dimension)

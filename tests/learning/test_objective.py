@@ -10,7 +10,7 @@ from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
 from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
-from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
+from skillctl.learning.objective import LearningObjective, Weights, _beyond, _nearest_place
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
 from skillctl.model import DemonstrationSet, GaussianMixture
@@ -29,6 +29,37 @@ def data(curved: Curved) -> TrainingData:
 def initial(data: TrainingData) -> Field:
     labels = partitions(data, 3, 1, seed=0)[0]
     return field_of(constrained_em(labels, *data.points, BARRIER, iterations=5))
+
+
+def haste_of(objective: LearningObjective) -> Callable[[Field], np.ndarray]:
+    """Return the price of fast matrices as residuals."""
+    return lambda field: np.sqrt(objective.haste) * field.matrices.ravel()
+
+
+@pytest.mark.parametrize(("dimension", "count", "directions"), [(2, 4, 1), (3, 2, 3), (2, 1, 4)])
+def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
+    curved: Curved, dimension: int, count: int, directions: int
+) -> None:
+    shown = training_data(*align(curved(dimension, count, samples=2000)), samples=400)
+    positions, velocities = _beyond(shown, (0.5, 1.0))
+    copies = positions.reshape(2, directions, 2, count, 400, dimension)
+    moving = velocities.reshape(copies.shape)
+
+    shifts = copies[..., 0, :] - shown.positions[:, 0]
+    np.testing.assert_allclose(np.linalg.norm(shifts[0], axis=-1), 0.5)
+    np.testing.assert_allclose(shifts[1], 2 * shifts[0])
+    np.testing.assert_allclose(shifts[:, :, 0], -shifts[:, :, 1])
+    np.testing.assert_allclose(copies[..., -1, :], 0.0, atol=1e-12)  # all arrive
+    # What is left of the path is measured along chords, velocities over one sample spacing: differences over
+    # two of 400 samples of a motion with speeds near one are good to about a hundredth.
+    slopes = (copies[..., 2:, :] - copies[..., :-2, :]) / (2 * shown.steps[:, None, None])
+    np.testing.assert_allclose(moving[..., 1:-1, :], slopes, atol=0.02)
+
+
+def test_only_fits_by_rollouts_look_beyond_the_data_and_price_haste(data: TrainingData) -> None:
+    plain = LearningObjective(data, rollouts=False)
+    assert plain.haste == 0
+    assert plain.positions.shape[1] == len(data.points[0])
 
 
 def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
@@ -57,9 +88,10 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
 ) -> None:
     # A huge phase cost ties the matching to the share of the path, which moves little: then the
     # derivative through the matching is second order and the analytic gradient must be the true one.
-    objective = LearningObjective(data, Weights(robust=0.5))
+    objective = LearningObjective(data, Weights(robust=0.5, haste=0.01))
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
+    haste = haste_of(objective)
     _, slope = objective.normal_equations(evaluation)
     matching = evaluation.matching
 
@@ -77,7 +109,7 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
         weights = matching.scales**2 * np.sqrt(1 + squared / 0.25)  # undo ρ'(r)/2r = 1/√(1 + r²/δ²)
         rho = 0.25 * (np.sqrt(1 + (errors**2).sum(axis=1) / 0.25) - 1)
         velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return float(0.5 * velocity @ velocity + weights @ rho)
+        return float(0.5 * (velocity @ velocity + haste(field) @ haste(field)) + weights @ rho)
 
     assert frozen_cost(initial) == pytest.approx(evaluation.cost, rel=1e-12)
     step = 1e-6
@@ -91,7 +123,8 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
 def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
     data: TrainingData, initial: Field
 ) -> None:
-    objective = LearningObjective(data)
+    objective = LearningObjective(data, Weights(haste=3.0))  # as large as the other entries
+    haste = haste_of(objective)
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
     normal, _ = objective.normal_equations(evaluation)
@@ -105,7 +138,7 @@ def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
         share = matching.shares[:, None]
         places = (1 - share) * table[first] + share * table[second]
         velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return np.append(velocity, (matching.scales[:, None] * places).ravel())
+        return np.concatenate([velocity, (matching.scales[:, None] * places).ravel(), haste(field)])
 
     step = 1e-6
     columns = []

@@ -33,6 +33,19 @@ def test_rests_at_both_ends_are_trimmed_and_the_end_point_is_kept(curved: Curved
     assert np.linalg.norm(trimmed.positions[0] - moving.positions[0]) <= REST_SHARE * extent
 
 
+@pytest.mark.parametrize("rate", [30, 100, 1000])
+def test_no_motion_leaps_to_its_end(curved: Curved, rate: int) -> None:
+    moving = curved(count=1, samples=2 * rate + 1).demonstrations[0]
+    rested = Demonstration.from_positions(
+        np.append(moving.times, moving.times[-1] + 1.0), np.vstack([moving.positions, moving.positions[-1:]])
+    )
+    trimmed = trim_rests(rested)
+    speeds = np.linalg.norm(np.diff(trimmed.positions, axis=0), axis=1) / np.diff(trimmed.times)
+    # It slows down to its end; what is left of the way is covered at the pace of the stretch before.
+    assert speeds[-1] <= speeds[-max(3, rate // 10)]
+    assert trimmed.times[-1] <= moving.duration
+
+
 def test_a_pause_in_the_middle_is_not_a_rest_at_an_end(curved: Curved) -> None:
     moving = curved(count=1).demonstrations[0]
     times = moving.times + np.where(np.arange(len(moving.times)) > 60, 1.0, 0.0)
