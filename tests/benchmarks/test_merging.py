@@ -70,7 +70,8 @@ SETTINGS = {
     "with manners, three components": Reaches(1.0, 0.1, 3),
     "with manners, steady, three components": Reaches(0.5, 0.1, 3),
 }
-AS_DRAWN, MIRRORED = (1.0, 1.0), (-1.0, 1.0)  # LASA's motions all end at the origin
+AS_DRAWN, MIRRORED, UPSIDE_DOWN = (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)  # LASA's motions all end at the origin
+HOW = {AS_DRAWN: "as drawn", MIRRORED: "the second mirrored", UPSIDE_DOWN: "the second upside down"}
 PAIRS = (
     ("Spoon", "Trapezoid", AS_DRAWN),
     ("Worm", "RShape", AS_DRAWN),
@@ -80,7 +81,9 @@ PAIRS = (
     ("Worm", "RShape", MIRRORED),
     ("Zshape", "LShape", MIRRORED),
     ("Sine", "Line", AS_DRAWN),
+    ("Sine", "Line", UPSIDE_DOWN),
 )
+BOTH = 14  # components of a skill learned from two motions at once: as many as two have
 
 
 @lru_cache(maxsize=2)
@@ -164,14 +167,24 @@ def parents_survive(
         def lost(x, own=own, other=other) -> float:
             return float(np.mean(other.log_density(x) > own.log_density(x)))
 
-        alone, together = (
-            1e3 * float(task_distances(skill, motions, np.zeros(2)).mean())
-            for skill in (merged.parts[i], merged)
-        )
+        distances = (own_distance(skill, motions) for skill in (merged.parts[i], merged))
         starts = np.stack([m.positions[0] for m in motions])
         early = np.vstack([m.positions[: len(m.positions) // 10] for m in motions])
-        rows.append((alone, together, lost(starts), lost(early)))
+        rows.append((*distances, lost(starts), lost(early)))
     return rows
+
+
+def learned_together(first: str, second: str, signs: tuple[float, float]) -> list[float]:
+    """Return for each of two motions its mean DTW in one skill learned from both, in mm."""
+    sets = [handwriting(first), handwriting(second, signs)]
+    both = DemonstrationSet((*sets[0].demonstrations, *sets[1].demonstrations), sets[0].space)
+    skill = fit(both, LearnOptions(preset="quality", n_components=BOTH)).skill
+    return [own_distance(skill, motions) for motions in sets]
+
+
+def own_distance(skill, motions: DemonstrationSet) -> float:
+    """Return the mean DTW of a skill to demonstrations, both with their ends at the origin, in mm."""
+    return 1e3 * float(task_distances(skill, motions, np.zeros(2)).mean())
 
 
 def test_one_new_task_has_a_number_for_every_way():
@@ -195,23 +208,30 @@ def main() -> None:
         for seed, place in product(range(4), PLACES):
             rows.append(new_task(reaches, seed, place, LearnOptions(n_components=reaches.components)))
             print(f"{place:16}{seed:2}" + "".join(f"{value:15.1f}" for value in rows[-1]), flush=True)
-        table = np.array(rows)
-        print(f"{'median':18}" + "".join(f"{value:15.1f}" for value in np.median(table, axis=0)))
-        ratios = np.median(table / table[:, :1], axis=0)
-        print(f"{'of best part':18}" + "".join(f"{value:15.0%}" for value in ratios))
-        wins = (table < table[:, :1]).mean(axis=0)
-        print(f"{'better than it':18}" + "".join(f"{value:15.0%}" for value in wins), flush=True)
-    print("\ndensity merge: DTW to own demonstrations alone and merged [mm]; starts and first tenths where")
-    print("the other parent's density is higher, so that no gate by these densities could tell them apart")
-    for first, second, signs in PAIRS:
-        drawn = "mirrored" if signs == MIRRORED else ""
-        for name, row in zip((first, second), parents_survive(first, second, signs), strict=True):
+        corners = [place != "bottom-centre" for _, place in product(range(4), PLACES)]
+        summarise("median", np.array(rows))
+        summarise("of the top alone", np.array(rows)[corners])
+    print(
+        "\ndensity merge: DTW to own demonstrations alone, merged, and in one skill learned from both [mm];"
+    )
+    print(
+        "starts and first tenths where the other's density is higher: these densities cannot tell them apart"
+    )
+    for pair in PAIRS:
+        print(f"{pair[0]} and {pair[1]}, {HOW[pair[2]]}")
+        for name, row, joint in zip(pair, parents_survive(*pair), learned_together(*pair), strict=False):
             alone, merged, starts, early = row
-            print(
-                f"{name:10}{drawn if name == second else '':10}{alone:7.2f}{merged:7.2f}"
-                f"{merged / alone - 1:+8.0%}{starts:8.0%}{early:8.0%}",
-                flush=True,
-            )
+            ways = "".join(f"{way:8.2f}{way / alone - 1:+8.0%}" for way in (merged, joint))
+            print(f"{name:12}{alone:7.2f}{ways}{starts:8.0%}{early:8.0%}", flush=True)
+
+
+def summarise(name: str, rows) -> None:
+    """Print the medians of rows, the median shares of the best part, and how often they are below it."""
+    print(f"{name:18}" + "".join(f"{value:15.1f}" for value in np.median(rows, axis=0)))
+    ratios = np.median(rows / rows[:, :1], axis=0)
+    print(f"{'of best part':18}" + "".join(f"{value:15.0%}" for value in ratios))
+    wins = (rows < rows[:, :1]).mean(axis=0)
+    print(f"{'better than it':18}" + "".join(f"{value:15.0%}" for value in wins), flush=True)
 
 
 if __name__ == "__main__":

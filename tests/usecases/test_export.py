@@ -20,9 +20,8 @@ from skillctl.usecases.files import load, save
 def regression(priors, mu, sigma, x):
     """Return the GMR of the SEDS tools, E[ẋ | x], written from the textbook: x is relative to the target."""
     d, k = len(x), priors.shape[1]
-    weights = np.array(
-        [priors[0, i] * multivariate_normal.pdf(x, mu[:d, i], sigma[:d, :d, i]) for i in range(k)]
-    )
+    logs = np.log(priors[0]) + [multivariate_normal.logpdf(x, mu[:d, i], sigma[:d, :d, i]) for i in range(k)]
+    weights = np.exp(logs - logs.max())  # far from the data all densities are below the smallest float
     means = [
         mu[d:, i] + sigma[d:, :d, i] @ np.linalg.solve(sigma[:d, :d, i], x - mu[:d, i]) for i in range(k)
     ]

@@ -13,7 +13,7 @@ from skillctl.model import DemonstrationSet
 from skillctl.usecases.evaluate import HeldOut
 from skillctl.usecases.validate import validate
 
-FAST = LearnOptions(preset="fast", n_components=4)
+FAST = LearnOptions(preset="fast")
 
 
 @pytest.fixture(scope="module")
