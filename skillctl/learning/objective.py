@@ -13,6 +13,7 @@ from skillctl.learning.preprocess import TrainingData
 # A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
 # (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
 MOST_CONVEX = 80.0
+DAWDLING = 0.3  # rms speeds
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -222,9 +223,11 @@ def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, Fl
 def _beyond(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities on copies of the demonstrations that start far beside them.
 
-    A copy closes in on its demonstration as the share of path left. Each demonstration has two on opposite
+    A copy closes in on its demonstration as the square of the share of path left: the last stretch, where a
+    hand comes to what it grasps, is all but the demonstrated one. Each demonstration has two on opposite
     sides for every distance, in a random direction of its own; where there are few demonstrations, in
-    several, so that at least d directions are taken.
+    several, so that at least d directions are taken. Where a demonstration dawdles, as at its start, its
+    copies do not count: whatever begins far away has far to go.
 
     Args:
         data: Demonstrations.
@@ -235,18 +238,20 @@ def _beyond(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArra
     """
     paths, velocities = data.positions, data.velocities
     count, _, d = paths.shape
+    speeds = np.linalg.norm(velocities, axis=2, keepdims=True)
+    moving = speeds[..., 0] >= DAWDLING
     lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2).sum(axis=1)
     left = (1.0 - _phases(paths))[..., None]
-    closing = (np.linalg.norm(velocities, axis=2) / np.maximum(lengths, 1e-12)[:, None])[..., None]
-    positions, moving = [np.empty((0, d))], [np.empty((0, d))]
+    closing = 2 * left * speeds / np.maximum(lengths, 1e-12)[:, None, None]
+    copies = [(np.empty((0, d)), np.empty((0, d)))]
     for distance in distances:
         generator = np.random.default_rng(1)
         for _ in range(-(-2 * d // count)):
             aside = distance * _directions(generator.standard_normal((count, d)))[:, None]
             for shift in (aside, -aside):
-                positions.append((paths + shift * left).reshape(-1, d))
-                moving.append((velocities - shift * closing).reshape(-1, d))
-    return np.concatenate(positions), np.concatenate(moving)
+                copies.append(((paths + shift * left**2)[moving], (velocities - shift * closing)[moving]))
+    positions, shown = zip(*copies, strict=True)
+    return np.concatenate(positions), np.concatenate(shown)
 
 
 def _directions(vectors: FloatArray) -> FloatArray:
