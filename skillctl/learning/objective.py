@@ -246,7 +246,7 @@ def _beyond(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArra
     copies = [(np.empty((0, d)), np.empty((0, d)))]
     for distance in distances:
         generator = np.random.default_rng(1)
-        for _ in range(-(-2 * d // count)):
+        for _ in range(-(-d // count)):
             aside = distance * _directions(generator.standard_normal((count, d)))[:, None]
             for shift in (aside, -aside):
                 copies.append(((paths + shift * left**2)[moving], (velocities - shift * closing)[moving]))
