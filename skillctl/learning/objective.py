@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.learning.copies import copies_beyond, displaced, phases
 from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, rollout_sensitivities, spread_root
 from skillctl.learning.preprocess import TrainingData
 
 # A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
 # (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
 MOST_CONVEX = 80.0
-DAWDLING = 0.3  # rms speeds
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,6 +89,10 @@ class LearningObjective:
     from its start, each rollout state to the nearest place on the demonstration, where places a share
     of the path apart cost extra (``phase``). The matching is redone at every evaluation and held fixed
     inside the Jacobian.
+
+    With rollouts, two things hold the field where no data do: velocities count on copies far beside the
+    demonstrations, too, and fast A_k have a price, next to nothing for as fast as the motion is. Without them
+    components contract up to a hundred times faster than the motion, as fast as the barrier lets them.
     """
 
     def __init__(
@@ -101,17 +105,19 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.paths, self.path_weights = _with_displaced(data.positions, weights)
+        self.paths, self.path_weights = displaced(
+            data.positions, weights.displacement, weights.displaced_share
+        )
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.root = spread_root(data.points[0])
-        shown, beyond = data.points, _beyond(data, weights.beyond if rollouts else ())
+        shown, beyond = data.points, copies_beyond(data, weights.beyond if rollouts else ())
         self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(shown, beyond, strict=True))
         counts = len(shown[0]), len(beyond[0])
         shares = 1 / counts[0], weights.beyond_weight / max(counts[1], 1)
         self.velocity_weights = np.sqrt(np.repeat(shares, counts))
         self.haste = weights.haste if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
-        self.path_phase = _phases(self.paths)
+        self.path_phase = phases(self.paths)
 
     def representable(self, field: Field) -> bool:
         """Return whether the gates can be stored as a Gaussian mixture without priors that underflow."""
@@ -153,7 +159,7 @@ class LearningObjective:
         rolled = states.transpose(2, 0, 1)
         trajectories, length, d = rolled.shape
         samples = demos.shape[1]
-        rolled_phase, phase = _phases(rolled), self.weights.phase
+        rolled_phase, phase = phases(rolled), self.weights.phase
         who = np.arange(trajectories)[:, None]
         index, share = _nearest_place(demos, self.path_phase, rolled, rolled_phase, phase)
         to_rollout = _at(rolled, index, share) - demos
@@ -194,76 +200,6 @@ def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatA
         for column in pulls.T
     ]
     return weighted, np.stack(columns, axis=1)
-
-
-def _with_displaced(paths: FloatArray, weights: Weights) -> tuple[FloatArray, FloatArray]:
-    """Return the demonstrations and displaced copies of them, with the weight of each, summing to one.
-
-    A copy starts behind and beside the demonstration, on either side, and closes in on it as the share of
-    path left. (Ahead of a start the demonstration itself shows the way.) Without such copies a fit may
-    hold its trajectories on a knife's edge: right from the recorded start, lost a millimetre beside it.
-
-    Args:
-        paths: Demonstrations, shape (D, T, d).
-        weights: Displacement and the weight of the copies.
-    """
-    count, _, d = paths.shape
-    if weights.displacement == 0:
-        return paths, np.full(count, 1 / count)
-    initial = _directions(paths[:, paths.shape[1] // 10] - paths[:, 0])
-    across = np.random.default_rng(0).standard_normal((count, d))
-    across = _directions(across - (across * initial).sum(axis=1, keepdims=True) * initial)
-    left = (1.0 - _phases(paths))[..., None]
-    share = weights.displaced_share
-    shifts = [weights.displacement * (sign * across - initial)[:, None] * left for sign in (1.0, -1.0)]
-    copies = np.concatenate([paths, *(paths + shift for shift in shifts)])
-    return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
-
-
-def _beyond(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities on copies of the demonstrations that start far beside them.
-
-    A copy closes in on its demonstration as the square of the share of path left: the last stretch, where a
-    hand comes to what it grasps, is all but the demonstrated one. Each demonstration has two on opposite
-    sides for every distance, in a random direction of its own; where there are few demonstrations, in
-    several, so that at least d directions are taken. Where a demonstration dawdles, as at its start, its
-    copies do not count: whatever begins far away has far to go.
-
-    Args:
-        data: Demonstrations.
-        distances: How far from their starts copies start, in rms distances.
-
-    Returns:
-        Both of shape (n, d).
-    """
-    paths, velocities = data.positions, data.velocities
-    count, _, d = paths.shape
-    speeds = np.linalg.norm(velocities, axis=2, keepdims=True)
-    moving = speeds[..., 0] >= DAWDLING
-    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2).sum(axis=1)
-    left = (1.0 - _phases(paths))[..., None]
-    closing = 2 * left * speeds / np.maximum(lengths, 1e-12)[:, None, None]
-    copies = [(np.empty((0, d)), np.empty((0, d)))]
-    for distance in distances:
-        generator = np.random.default_rng(1)
-        for _ in range(-(-d // count)):
-            aside = distance * _directions(generator.standard_normal((count, d)))[:, None]
-            for shift in (aside, -aside):
-                copies.append(((paths + shift * left**2)[moving], (velocities - shift * closing)[moving]))
-    positions, shown = zip(*copies, strict=True)
-    return np.concatenate(positions), np.concatenate(shown)
-
-
-def _directions(vectors: FloatArray) -> FloatArray:
-    """Return vectors (n, d) at length one; those of no length stay."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
-
-
-def _phases(paths: FloatArray) -> FloatArray:
-    """Return the share of the path length covered at each point of paths (D, T, d). Shape (D, T)."""
-    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
-    covered = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], axis=1)
-    return np.asarray(covered / np.maximum(covered[:, -1:], 1e-12))
 
 
 def _at(paths: FloatArray, index: IntArray, share: FloatArray) -> FloatArray:

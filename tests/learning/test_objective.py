@@ -10,14 +10,7 @@ from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
 from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
-from skillctl.learning.objective import (
-    DAWDLING,
-    LearningObjective,
-    Weights,
-    _beyond,
-    _nearest_place,
-    _phases,
-)
+from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
 from skillctl.model import DemonstrationSet, GaussianMixture
@@ -41,31 +34,6 @@ def initial(data: TrainingData) -> Field:
 def haste_of(objective: LearningObjective) -> Callable[[Field], np.ndarray]:
     """Return the price of fast matrices as residuals."""
     return lambda field: np.sqrt(objective.haste) * field.matrices.ravel()
-
-
-@pytest.mark.parametrize(("dimension", "count", "directions"), [(2, 4, 1), (3, 2, 2), (2, 1, 2)])
-def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
-    curved: Curved, dimension: int, count: int, directions: int
-) -> None:
-    shown = training_data(*align(curved(dimension, count, samples=2000)), samples=400)
-    moving = np.linalg.norm(shown.velocities, axis=2) >= DAWDLING
-    positions, velocities = _beyond(shown, (0.5, 1.0))
-    copies = np.full((2, directions, 2, count, 400, dimension), np.nan)
-    copies[..., moving, :] = positions.reshape(2, directions, 2, -1, dimension)
-
-    left = 1 - _phases(shown.positions)
-    shifts = (copies - shown.positions) / np.maximum(left, 1e-9)[..., None] ** 2
-    sizes = np.linalg.norm(shifts, axis=-1)[..., moving]
-    np.testing.assert_allclose(sizes[0], 0.5)
-    np.testing.assert_allclose(sizes[1], 1.0)
-    np.testing.assert_allclose(shifts[:, :, 0], -shifts[:, :, 1])
-    # What is left of the path is measured along chords, velocities over one sample spacing: differences over
-    # two of 400 samples of a motion with speeds near one are good to about a hundredth.
-    slopes = (copies[..., 2:, :] - copies[..., :-2, :]) / (2 * shown.steps[:, None, None])
-    within = moving[:, 1:-1] & moving[:, 2:] & moving[:, :-2]
-    found = np.full(copies.shape, np.nan)
-    found[..., moving, :] = velocities.reshape(2, directions, 2, -1, dimension)
-    np.testing.assert_allclose(found[..., 1:-1, :][..., within, :], slopes[..., within, :], atol=0.01)
 
 
 def test_only_fits_by_rollouts_look_beyond_the_data_and_price_haste(data: TrainingData) -> None:
