@@ -26,7 +26,7 @@ from skillctl import store
         ("", 2),
         ("rea\nch", 2),
         ("x" * 65, 2),
-        ("../x", 4),  # a slash makes it a file
+        ("nowhere/x", 4),  # a slash makes it a file
         ("empty", 4),
         ("empty@latest", 4),
         ("reach@2", 4),
@@ -35,7 +35,8 @@ from skillctl import store
         (f"reach@sha256:{'0' * 64}", 4),
     ],
 )
-def test_references_that_are_malformed_or_lead_nowhere(run, good, tmp_path, reference, code):
+def test_references_that_are_malformed_or_lead_nowhere(run, good, tmp_path, monkeypatch, reference, code):
+    monkeypatch.chdir(tmp_path)  # whatever stands beside the checkout
     store.Registry(tmp_path / "skills").publish("reach", good)
     (tmp_path / "skills" / "empty").mkdir()
     result = run("inspect", "--store", tmp_path / "skills", "--", reference)
