@@ -160,31 +160,37 @@ def combine(
     reasons = reasons_to_make(current[0] if current else None, operation, (), note, parents_of(sources))
     if current is not None and not reasons and not force:
         return _kept(current, sources, plot)
+    combined, together, measured, certificate = _proved(sources, options, refit, progress)
+    operation = operation.model_copy(update={"results": _results(measured.coverage, together)})
+    reports = carried_reports(sources) if together is None else together.reports
+    artifact = child_artifact(combined, sources, operation, reports)
+    written = destination.write(artifact)
+    if plot is not None:
+        draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
+    report = _report(written, sources, combined, measured, together, certificate)
+    return replace(report, reasons=reasons or ("it was asked for",))
+
+
+def _proved(
+    sources: Sequence[Source], options: CombineOptions, refit: bool, progress: Progress | None
+) -> tuple[CombinedSkill, Together | None, _Measured, Certificate]:
+    """Return the combined skill, what made one proof serve all parts, what parts keep, and the proof."""
     combined = options.combine([source.skill for source in sources])
     together = None
     if options.gate == "instantaneous" and combined.aligned:
         together = prove_together(sources, options.combine, refit=refit, progress=progress)
         combined = options.combine(together.parts, together.lyapunov)
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    before = compose.coverage(combined, taught)
-    coverage = before
+    measured = _Measured(compose.coverage(combined, taught), None)
     if options.calibrate:
         combined = replace(combined, part_priors=compose.calibrated_priors(combined, taught))
-        coverage = compose.coverage(combined, taught)
+        measured = _Measured(compose.coverage(combined, taught), measured.coverage)
     certificate = certify(combined)
     if options.gate == "latched" or combined.aligned:
         require_stable(certificate)
     else:
         _require_proved_parts(certificate)
-    operation = operation.model_copy(update={"results": _results(coverage, together)})
-    reports = carried_reports(sources) if together is None else together.reports
-    artifact = child_artifact(combined, sources, operation, reports)
-    written = destination.write(artifact)
-    if plot is not None:
-        draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
-    measured = _Measured(coverage, before if options.calibrate else None)
-    report = _report(written, sources, combined, measured, together, certificate)
-    return replace(report, reasons=reasons or ("it was asked for",))
+    return combined, together, measured, certificate
 
 
 def _kept(current: tuple[Artifact, Written], sources: Sequence[Source], plot: Path | None) -> CombineReport:

@@ -110,18 +110,30 @@ def simulate(
     )
     if log is not None and log_kind is not None:
         write_file(log, simulation.encode_log(result, log_kind))
+    _draw(result, source.name, picture, video, kind, progress)
+    return _report(source, result, log, picture, video)
+
+
+def _draw(
+    episode: Episode,
+    title: str,
+    picture: Path | None,
+    video: Path | None,
+    kind: str | None,
+    progress: Progress | None,
+) -> None:
+    """Write the contact sheet and the film that are wanted; ``kind`` is the film's format."""
     if picture is not None:
         from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
 
         if progress is not None:
             progress("drawing", 0, 1)
-        write_file(picture, encode_picture(result, title=source.name))
+        write_file(picture, encode_picture(episode, title=title))
     if video is not None and kind is not None:
         from skillctl.simulation.video import encode_video
 
         drawn = None if progress is None else partial(progress, "filming")
-        write_file(video, encode_video(result, kind, progress=drawn))
-    return _report(source, result, log, picture, video)
+        write_file(video, encode_video(episode, kind, progress=drawn))
 
 
 def _film_format(video: Path) -> str:
