@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from skillctl.errors import SkillctlError
-    from skillctl.learning import LearnOptions
+    from skillctl.learning.options import LearnOptions
     from skillctl.model import Controller, rollout
-    from skillctl.simulation import Scenario
+    from skillctl.simulation.scenario import Scenario
     from skillctl.usecases.combine import CombineOptions, combine
     from skillctl.usecases.files import load, save
     from skillctl.usecases.inspect import inspect
@@ -65,10 +65,10 @@ __all__ = [
 _HOMES = {
     "CombineOptions": "skillctl.usecases.combine",
     "Controller": "skillctl.model",
-    "LearnOptions": "skillctl.learning",
+    "LearnOptions": "skillctl.learning.options",
     "MergeOptions": "skillctl.usecases.merge",
     "Reading": "skillctl.usecases.learn",
-    "Scenario": "skillctl.simulation",
+    "Scenario": "skillctl.simulation.scenario",
     "SkillctlError": "skillctl.errors",
     "TaskOptions": "skillctl.usecases.merge",
     "combine": "skillctl.usecases.combine",

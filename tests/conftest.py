@@ -193,7 +193,7 @@ def library(
     reach_files: list[Path],
 ) -> Path:
     """A store with the skills curve, hook and reach, and plain: curve under the Euclidean metric."""
-    from skillctl.learning import LearnOptions
+    from skillctl.learning.options import LearnOptions
     from skillctl.usecases.learn import learn
 
     store = tmp_path_factory.mktemp("library") / "skills"

@@ -12,7 +12,7 @@ import pytest
 import skillctl
 
 PACKAGE = Path(skillctl.__file__).parent
-LEAVES = {"errors", "arrays"}
+LEAVES = {"errors", "arrays", "progress", "geometry"}
 TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
     "learning",
@@ -24,6 +24,7 @@ SIBLINGS = {
     "simulation",
     "plotting",
 }
+FLOORS = ("evaluate", "adapt")  # above the siblings; what a task wants is judged by how good a skill is
 MODULES = sorted(PACKAGE.rglob("*.py"))
 LINE_LIMIT = 420  # a module that needs more is two modules
 
@@ -72,9 +73,12 @@ def allowed_rooms(room: str) -> set[str]:
         return LEAVES
     if room in SIBLINGS:
         return LEAVES | TOOLS | {"model"}
+    below = LEAVES | TOOLS | {"model"} | SIBLINGS
+    if room in FLOORS:
+        return below | set(FLOORS[: FLOORS.index(room)])
     if room == "usecases":
-        return LEAVES | TOOLS | {"model"} | SIBLINGS
-    return LEAVES | TOOLS | {"model", "usecases", "cli"} | SIBLINGS  # cli, __init__, __main__
+        return below | set(FLOORS)
+    return below | {*FLOORS, "usecases", "cli"}  # cli, __init__, __main__
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))

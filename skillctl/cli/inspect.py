@@ -14,9 +14,9 @@ from skillctl.cli.output import Output
 from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
+    from skillctl.evaluate.place import Place
     from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node
-    from skillctl.usecases.where import Place
 
 EXAMPLES = """\b
 Example:
@@ -120,7 +120,7 @@ def _write_files(
 
 def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False) -> list[render.Block]:
     """Return the report for people; for a page, which travels, without the place of the file."""
-    from skillctl.usecases.evaluate import HeldOut
+    from skillctl.evaluate.errors import HeldOut
 
     space, certificate = report.space, report.certificate
     facts = (

@@ -12,8 +12,8 @@ from skillctl.cli.output import Output
 from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
+    from skillctl.adapt.task import TaskErrors
     from skillctl.usecases.merge import MergeReport, TaskReport
-    from skillctl.usecases.task import TaskErrors
 
 EXAMPLES = """\b
 Example:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from skillctl.cli.render import Table
 
 if TYPE_CHECKING:
+    from skillctl.adapt.refit import Refit
     from skillctl.cli.output import Output
+    from skillctl.evaluate.errors import HeldOut
     from skillctl.store import DemonstrationReport
-    from skillctl.usecases.evaluate import HeldOut
     from skillctl.usecases.parts import PartSummary
-    from skillctl.usecases.refit import Refit
 
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.simulation import Scenario
 from skillctl.simulation.check import Reachability, check
+from skillctl.simulation.scenario import Scenario
 from skillctl.store import Lock
+from skillctl.store.source import open_skill
 from skillctl.usecases.drawing import chosen
-from skillctl.usecases.files import open_skill
 
 
 @dataclass(frozen=True)

@@ -7,31 +7,32 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from skillctl import compose
+from skillctl.adapt.refit import Refit
+from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
 from skillctl.arrays import FloatArray
-from skillctl.compose import PartCoverage
+from skillctl.compose.combine import combine as combine_skills
+from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
+from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.skill import CombineGate
 from skillctl.plotting.formats import require_picture
-from skillctl.stability import Certificate, Scope, Verdict, certify
+from skillctl.progress import Progress
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate, Scope, Verdict
 from skillctl.store import Artifact, Lock, Operation
+from skillctl.store.source import Source, carried_reports
 from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.files import Source
 from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.parts import (
     PartSummary,
-    carried_reports,
     child_artifact,
     draw_family,
     open_parts,
     parents_of,
     summaries,
 )
-from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
-from skillctl.usecases.refit import Refit
-from skillctl.usecases.together import LyapunovOrigin, Together, prove_together
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class CombineOptions:
 
     def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
         """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""
-        return compose.combine(
+        return combine_skills(
             parts,
             part_priors=self.part_priors,
             gate=self.gate,
@@ -181,10 +182,10 @@ def _proved(
         together = prove_together(sources, options.combine, refit=refit, progress=progress)
         combined = options.combine(together.parts, together.lyapunov)
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    measured = _Measured(compose.coverage(combined, taught), None)
+    measured = _Measured(coverage(combined, taught), None)
     if options.calibrate:
-        combined = replace(combined, part_priors=compose.calibrated_priors(combined, taught))
-        measured = _Measured(compose.coverage(combined, taught), measured.coverage)
+        combined = replace(combined, part_priors=calibrated_priors(combined, taught))
+        measured = _Measured(coverage(combined, taught), measured.coverage)
     certificate = certify(combined)
     if options.gate == "latched" or combined.aligned:
         require_stable(certificate)
@@ -200,7 +201,7 @@ def _kept(current: tuple[Artifact, Written], sources: Sequence[Source], plot: Pa
     assert isinstance(combined, CombinedSkill)  # its operation says so
     if plot is not None:
         draw_family(written.skill, artifact, sources, _shares([s.skill for s in sources], combined), plot)
-    measured = _Measured(compose.coverage(combined, artifact.demonstrations), None)
+    measured = _Measured(coverage(combined, artifact.demonstrations), None)
     report = _report(written, sources, combined, measured, None, certify(combined))
     origin: Any = artifact.operation.results.get("lyapunov")
     return replace(report, status="up to date", lyapunov=origin)
@@ -270,5 +271,5 @@ def _report(
         rate=certificate.rate,
         period=certificate.period,
         not_guaranteed=(*certificate.failures, *certificate.evidence),
-        notes=(*compose.notes_on(parents), *(() if together is None else together.notes)),
+        notes=(*notes_on(parents), *(() if together is None else together.notes)),
     )

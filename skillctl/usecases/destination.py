@@ -9,7 +9,7 @@ from skillctl.errors import ArtifactError, UsageError, printable, require_direct
 from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_file
 from skillctl.store.errors import NotAnArtifactError
 from skillctl.store.schema import MAX_TEXT
-from skillctl.usecases.files import display_name
+from skillctl.store.source import display_name
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill, Skill, rollout
 from skillctl.model.skill import attractors_of
-from skillctl.stability import Certificate, certify
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate
 from skillctl.store import Lock, metadata_of
-from skillctl.usecases.files import Source, open_skill
+from skillctl.store.source import Source, open_skill
 
 DEFAULT_TOLERANCE = 1e-9  # far above what rounding does to a velocity, far below what an arm can follow
 GRID_POINTS = 1000  # at most

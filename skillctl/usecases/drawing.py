@@ -7,9 +7,9 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import attractors_of
-from skillctl.simulation import Scenario
 from skillctl.simulation.draws import drawn, with_defaults
-from skillctl.usecases.files import Source
+from skillctl.simulation.scenario import Scenario
+from skillctl.store.source import Source
 
 
 def demonstration_starts(source: Source) -> FloatArray:

@@ -14,7 +14,7 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill
 from skillctl.store import Artifact, Lock, contents_of, metadata_of, write_file
-from skillctl.usecases.files import open_skill
+from skillctl.store.source import open_skill
 from skillctl.usecases.inspect import joint_mixture
 
 # In place of the date that SciPy writes: the same skill gives the same bytes. Bytes 116 to 127 are MATLAB's.

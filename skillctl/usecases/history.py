@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from skillctl.errors import ArtifactError, NotFoundError, SkillctlError, StoreError
 from skillctl.store import Located, Lock, ParentRecord, Registry, locate_store, read_header, read_skill
-from skillctl.usecases.files import Source, open_skill
+from skillctl.store.source import Source, open_skill
 
 Presence: TypeAlias = Literal["present", "changed", "missing"]
 

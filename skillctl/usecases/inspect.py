@@ -10,11 +10,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.evaluate.place import Place, Region, at, regions_of
 from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill, StateSpace
-from skillctl.stability import Certificate, certify
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate
 from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
-from skillctl.usecases.files import open_skill
-from skillctl.usecases.where import Place, Region, at, regions_of
+from skillctl.store.source import open_skill
 
 Kind: TypeAlias = Literal["seds", "merged", "combined"]
 

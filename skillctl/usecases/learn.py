@@ -7,12 +7,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from skillctl.demonstrations import ReadResult, read_demonstrations
-from skillctl.learning import Fit, LearnOptions, fit
-from skillctl.learning import Progress as LearningProgress
+from skillctl.demonstrations.reader import ReadResult, read_demonstrations
+from skillctl.evaluate.errors import HeldOut, report_errors
+from skillctl.evaluate.left_out import LeftOut, held_out, leave_out_in_turn
+from skillctl.learning.fit import Fit, fit
+from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, embedded
+from skillctl.learning.solve import Progress as LearningProgress
 from skillctl.plotting.formats import require_picture
-from skillctl.stability import Certificate, certify
+from skillctl.progress import Progress
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate
 from skillctl.store import (
     Artifact,
     DemonstrationReport,
@@ -23,11 +28,8 @@ from skillctl.store import (
     require_room_for_records,
 )
 from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.evaluate import HeldOut, report_errors
 from skillctl.usecases.make import reasons_to_make
-from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import LEARN_AGAIN, require_stable
-from skillctl.usecases.validate import LeftOut, held_out, leave_out_in_turn
 
 Status: TypeAlias = Literal["learned", "up to date"]
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from skillctl.errors import SkillctlError, StoreError
+from skillctl.progress import Progress
 from skillctl.store import locate_store
 from skillctl.usecases.learn import LearnReport, LearnRequest, Made, finish, make
 from skillctl.usecases.make import finish_target
 from skillctl.usecases.manifest import Manifest, read_manifest
-from skillctl.usecases.progress import Progress
 from skillctl.workers import WorkerDied, Workers
 
 Outcome: TypeAlias = Literal["learned", "up to date", "failed"]

@@ -27,8 +27,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
-from skillctl.learning import LearnOptions
-from skillctl.learning.options import Metric, Objective, Preset
+from skillctl.learning.options import LearnOptions, Metric, Objective, Preset
 from skillctl.toml_files import read_toml
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.learn import LearnRequest, Reading

@@ -9,19 +9,25 @@ from typing import Any, Literal
 
 import numpy as np
 
-from skillctl import compose
+from skillctl.adapt.candidates import candidates_from_store, require_same_space
+from skillctl.adapt.follow import FitLevel
+from skillctl.adapt.refit import Refit
+from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
+from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
 from skillctl.arrays import FloatArray
+from skillctl.compose.merge import merge as merge_skills
+from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
+from skillctl.evaluate.errors import report_errors
 from skillctl.model import MergedSkill, Skill
 from skillctl.model.skill import MergeGate
 from skillctl.plotting.formats import require_picture
-from skillctl.stability import Certificate, certify
+from skillctl.progress import Progress
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
-from skillctl.usecases.candidates import candidates_from_store, require_same_space
+from skillctl.store.source import Source
 from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.evaluate import report_errors
-from skillctl.usecases.files import Source
-from skillctl.usecases.follow import FitLevel
 from skillctl.usecases.learn import Reading
 from skillctl.usecases.make import CANDIDATES, candidates_digest, reasons_to_make
 from skillctl.usecases.parts import (
@@ -32,11 +38,7 @@ from skillctl.usecases.parts import (
     parents_of,
     summaries,
 )
-from skillctl.usecases.progress import Progress
 from skillctl.usecases.proof import require_stable
-from skillctl.usecases.refit import Refit
-from skillctl.usecases.task import FittedMerger, TaskErrors, fit_to_task
-from skillctl.usecases.together import LyapunovOrigin, Together, prove_together
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class MergeOptions:
 
     def merge(self, parts: Sequence[Skill], lyapunov: FloatArray) -> MergedSkill:
         """Return the merged skill under a common Lyapunov matrix (d, d)."""
-        return compose.merge(
+        return merge_skills(
             parts,
             part_weights=self.part_weights,
             gate=self.gate,
@@ -223,7 +225,7 @@ def _merge_for_task(
             hint="Name skills, or let all of the store take part.",
         )
     if task.from_store:
-        found = candidates_from_store(destination, shown, lock)
+        found = candidates_from_store(destination.store, shown, lock, but=destination.name)
         sources, candidates, notes = list(found.helpful), found.digests, found.notes
     else:
         sources, notes = open_parts(skills, destination.store, lock), ()
@@ -375,5 +377,5 @@ def _report(
         task=task,
         rate=certificate.rate,
         period=certificate.period,
-        notes=(*compose.notes_on([source.skill for source in sources]), *together.notes, *notes),
+        notes=(*notes_on([source.skill for source in sources]), *together.notes, *notes),
     )

@@ -16,7 +16,7 @@ from skillctl.store import (
     ParentRecord,
     current_provenance,
 )
-from skillctl.usecases.files import Source, open_skill
+from skillctl.store.source import Source, open_skill
 
 
 @dataclass(frozen=True)
@@ -81,20 +81,6 @@ def child_artifact(
     )
     provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
     return Artifact(child, demonstrations, operation, provenance, tuple(reports))
-
-
-def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
-    """Return the parents' reports, numbered by the leaves of the child.
-
-    They stay true: a leaf that is moved repeats a moved demonstration as well as before.
-    """
-    carried: list[DemonstrationReport] = []
-    first_leaf = 0
-    for source in sources:
-        reports = source.artifact.reports
-        carried += [report.model_copy(update={"leaf": first_leaf + report.leaf}) for report in reports]
-        first_leaf += len(source.skill.leaves)
-    return carried
 
 
 def draw_family(

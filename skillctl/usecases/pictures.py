@@ -16,13 +16,12 @@ from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
 from skillctl.plotting.proof import draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
-from skillctl.stability import Certificate
-from skillctl.stability.report import at_least
+from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
-from skillctl.usecases.files import Source
+from skillctl.store.source import Source
 
 if TYPE_CHECKING:  # both bring the learner along, which most pictures can do without
-    from skillctl.usecases.validate import LeftOut
+    from skillctl.evaluate.left_out import LeftOut
     from skillctl.usecases.verify_stability import VerifyReport
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from skillctl.errors import FitError
-from skillctl.stability import Certificate
+from skillctl.stability.report import Certificate
 
 LEARN_AGAIN = "Try --preset quality, another --seed, or fewer --components."
 CHECK_PARTS = "`skillctl verify-stability SKILL…` says which skill is not proved; learn that one again."

@@ -9,16 +9,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from skillctl.demonstrations import write_csv
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
+from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import NotFoundError, UsageError
-from skillctl.simulation import Scenario
-from skillctl.stability import Verdict
+from skillctl.evaluate.errors import mean_dtw
+from skillctl.progress import Progress
+from skillctl.simulation.scenario import Scenario
+from skillctl.stability.report import Verdict
 from skillctl.usecases.combine import CombineOptions, combine
-from skillctl.usecases.evaluate import mean_dtw
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import MergeOptions, merge
-from skillctl.usecases.progress import Progress
 from skillctl.usecases.simulate import SimulateReport, simulate
 from skillctl.usecases.verify_stability import verify
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skillctl.simulation import Scenario
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scenario_file import overridden, read_scenario, to_toml
 
 

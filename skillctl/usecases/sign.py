@@ -17,7 +17,7 @@ from skillctl.store import (
     signatures_path,
 )
 from skillctl.store.signing import SignatureState
-from skillctl.usecases.files import Source, open_skill
+from skillctl.store.source import Source, open_skill
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skillctl import simulation
 from skillctl.errors import require_directory
-from skillctl.simulation import Episode, Metrics, Outcome, Scenario
+from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.episode import Episode, Metrics, Outcome
+from skillctl.simulation.recording import encode_log, log_format
+from skillctl.simulation.run import simulate as run_episode
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.torque import TORQUE_PERIOD
-from skillctl.stability import certify
+from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
+from skillctl.store.source import Source, open_skill
 from skillctl.usecases.drawing import chosen
-from skillctl.usecases.files import Source, open_skill
-from skillctl.usecases.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,9 @@ def simulate(
     source = open_skill(reference, store, lock)
     scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
     require_directories(log, picture, video)
-    log_kind = None if log is None else simulation.log_format(log.name)
+    log_kind = None if log is None else log_format(log.name)
     kind = None if video is None else _film_format(video)
-    result = simulation.simulate(
+    result = run_episode(
         source.skill,
         scenario,
         progress=None
@@ -109,7 +111,7 @@ def simulate(
         gui=gui,
     )
     if log is not None and log_kind is not None:
-        write_file(log, simulation.encode_log(result, log_kind))
+        write_file(log, encode_log(result, log_kind))
     _draw(result, source.name, picture, video, kind, progress)
     return _report(source, result, log, picture, video)
 

@@ -11,15 +11,14 @@ from typing import Literal
 from skillctl.errors import UsageError
 from skillctl.model import CombinedSkill
 from skillctl.model.skill import attractors_of
-from skillctl.simulation import Scenario
+from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
-from skillctl.simulation.scenario import Sampling
+from skillctl.simulation.scenario import Sampling, Scenario
 from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
 from skillctl.store import Lock, write_file
+from skillctl.store.source import Source, open_skill
 from skillctl.usecases.drawing import batch_of
-from skillctl.usecases.files import Source, open_skill
-from skillctl.usecases.progress import Progress
 from skillctl.usecases.simulate import proof_notes, require_directories
 from skillctl.workers import Workers
 

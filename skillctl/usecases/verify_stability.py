@@ -12,12 +12,12 @@ from typing import Literal, TypeAlias
 from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.model import Skill
 from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
-from skillctl.stability import Certificate, certify
-from skillctl.stability.report import at_least
+from skillctl.progress import Progress
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
-from skillctl.usecases.files import open_skill
-from skillctl.usecases.progress import Progress
+from skillctl.store.source import open_skill
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations import read_demonstrations
-from skillctl.learning import Fit, LearnOptions, fit
+from skillctl.demonstrations.reader import read_demonstrations
+from skillctl.learning.fit import Fit, fit
+from skillctl.learning.options import LearnOptions
 from skillctl.metrics import dtw
 from skillctl.model import DemonstrationSet, SedsSkill, rollout
 

@@ -20,7 +20,8 @@ import lasa
 import numpy as np
 from lasa import Score, microseconds, score
 
-from skillctl.learning import LearnOptions, fit
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import Demonstration, DemonstrationSet, StateSpace
 
 ROWS = {

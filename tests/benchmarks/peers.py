@@ -24,7 +24,8 @@ from movement_primitives.dmp import DMP
 from sklearn.mixture import GaussianMixture
 
 from skillctl.arrays import FloatArray
-from skillctl.learning import LearnOptions, fit
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, training_data
 from skillctl.metrics import dtw
 from skillctl.model import Controller, Demonstration, DemonstrationSet

@@ -24,8 +24,9 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.demonstrations.reaching import reaching_demonstrations
-from skillctl.learning import LearnOptions, fit
-from skillctl.simulation import Scenario
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
+from skillctl.simulation.scenario import Scenario
 from skillctl.usecases.files import save
 from skillctl.usecases.learn_many import learn_many
 from skillctl.usecases.simulate_many import simulate_many

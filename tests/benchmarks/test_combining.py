@@ -18,9 +18,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl import compose
-from skillctl.demonstrations import read_demonstrations
-from skillctl.learning import LearnOptions, fit
+from skillctl.compose.combine import combine as combine_skills
+from skillctl.demonstrations.reader import read_demonstrations
+from skillctl.evaluate.coverage import calibrated_priors
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import Controller, rollout
 from skillctl.model.rollout import ARRIVAL_DISTANCE
 from skillctl.model.skill import density_of, retargeted
@@ -72,7 +74,7 @@ def combined_set(seed: int, preset: str):
         places = rng.uniform(-PLACE, PLACE, (count, 2))
     skills, sets = zip(*(learned(str(name), preset) for name in names), strict=True)
     parts = [retargeted(skill, place) for skill, place in zip(skills, places, strict=True)]
-    return compose.combine(parts), list(sets), rng, names
+    return combine_skills(parts), list(sets), rng, names
 
 
 def share(mask) -> float:
@@ -102,7 +104,7 @@ def pushed(skill, start, moment: int, push) -> tuple[bool, bool | None]:
 def measured(seed: int, preset: str = "default", count: int = STARTS) -> list[float]:
     """Return the shares of one set, in the order of ``main``'s columns."""
     skill, sets, rng, _ = combined_set(seed, preset)
-    calibrated = replace(skill, part_priors=compose.calibrated_priors(skill, sets))
+    calibrated = replace(skill, part_priors=calibrated_priors(skill, sets))
     instantaneous = replace(skill, gate="instantaneous")
     offsets = [np.stack([m.positions[0] - m.positions[-1] for m in motions]) for motions in sets]
     shown = np.vstack([part.attractor + offset for part, offset in zip(skill.parts, offsets, strict=True)])

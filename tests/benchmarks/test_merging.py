@@ -14,13 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl import compose, metrics
-from skillctl.demonstrations import reaching, read_demonstrations
+from skillctl import metrics
+from skillctl.adapt.task import fit_to_task, task_distances
+from skillctl.compose.lyapunov import common_lyapunov_of
+from skillctl.compose.merge import merge as merge_skills
+from skillctl.demonstrations import reaching
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
-from skillctl.learning import LearnOptions, fit, learned_metric
+from skillctl.demonstrations.reader import read_demonstrations
+from skillctl.learning.fit import fit, learned_metric
+from skillctl.learning.options import LearnOptions
 from skillctl.model import Demonstration, DemonstrationSet
 from skillctl.model.skill import retargeted
-from skillctl.usecases.task import fit_to_task, task_distances
 
 PLACES = {"top-left": (0, 2), "top-right": (1, 2), "bottom-centre": (0, 1)}  # parts that share side or height
 COLUMNS = (
@@ -91,7 +95,7 @@ def taught_parts(reaches: Reaches, seed: int, options: LearnOptions):
     """Return the skills of the three tasks and the P that proves them together."""
     taught = [reaches(task, 10, seed) for task in TASKS]
     parts = [fit(motions, options).skill for motions in taught]
-    lyapunov = compose.common_lyapunov_of(parts, period=options.period)
+    lyapunov = common_lyapunov_of(parts, period=options.period)
     if lyapunov is None:
         lyapunov = learned_metric(taught)
         parts = [fit(motions, options, lyapunov=lyapunov).skill for motions in taught]
@@ -110,7 +114,7 @@ def new_task(reaches: Reaches, seed: int, place: str, options: LearnOptions, cou
         return 1e3 * float(task_distances(skill, held_out, goal).mean())
 
     def equal(members) -> float:
-        return error(compose.merge(members, target=goal, lyapunov=lyapunov))
+        return error(merge_skills(members, target=goal, lyapunov=lyapunov))
 
     fitted = [
         fit_to_task(parts, one, lyapunov, level=level, target=goal).skill for level in ("part", "component")
@@ -155,11 +159,11 @@ def parents_survive(
     sets = [handwriting(first), handwriting(second, signs)]
     options = LearnOptions(preset=preset)
     parts = [fit(motions, options).skill for motions in sets]
-    lyapunov = compose.common_lyapunov_of(parts, period=options.period)
+    lyapunov = common_lyapunov_of(parts, period=options.period)
     if lyapunov is None:
         lyapunov = learned_metric(sets)
         parts = [fit(motions, options, lyapunov=lyapunov).skill for motions in sets]
-    merged = compose.merge(parts, gate="density", target=[0.0, 0.0], lyapunov=lyapunov)
+    merged = merge_skills(parts, gate="density", target=[0.0, 0.0], lyapunov=lyapunov)
     rows = []
     for i, motions in enumerate(sets):
         own, other = merged.parts[i].density, merged.parts[1 - i].density

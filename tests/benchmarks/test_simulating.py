@@ -15,11 +15,12 @@ from pytest_benchmark.fixture import BenchmarkFixture
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.demonstrations.reaching import reaching_demonstrations
-from skillctl.learning import LearnOptions, fit
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import SedsSkill
-from skillctl.simulation import ARMS, Scenario, Shelf
-from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
+from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario, Shelf
 
 START, TARGET = (0.42, -0.1, 0.55), (0.5, 0.1, 0.6)
 

@@ -11,9 +11,10 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from skillctl.demonstrations.reaching import reaching_demonstrations
-from skillctl.learning import LearnOptions, fit
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import SedsSkill
-from skillctl.stability import certify
+from skillctl.stability.certificate import certify
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ def _place(folder, library, curve_files, reach_files):
     matrices = curve.system_matrices.copy()
     matrices[0] = np.eye(2)
     save(replace(curve, system_matrices=matrices), folder / "unstable.h5")
-    from skillctl.compose import combine
+    from skillctl.compose.combine import combine
 
     save(combine([curve, hook]), folder / "either.h5")
 

@@ -7,14 +7,14 @@ from typing import get_args, get_type_hints
 import pytest
 import typer
 
+from skillctl.adapt.follow import FIT_LEVELS
 from skillctl.cli import options, scene
-from skillctl.demonstrations import FORMATS
+from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.recording import Unit
-from skillctl.learning import METRICS, OBJECTIVES, PRESETS
+from skillctl.learning.options import METRICS, OBJECTIVES, PRESETS
 from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
-from skillctl.simulation import ARMS, HANDS, PLANES
-from skillctl.simulation.scenario import CONTROLS, SCENES
-from skillctl.usecases.follow import FIT_LEVELS
+from skillctl.simulation.arm import ARMS
+from skillctl.simulation.scenario import CONTROLS, HANDS, PLANES, SCENES
 from skillctl.usecases.verify_stability import Requirements
 
 

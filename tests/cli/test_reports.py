@@ -10,8 +10,9 @@ import pytest
 import sarif_pydantic
 from junitparser import Error, Failure, JUnitXml
 
+from skillctl.store.source import open_skill
 from skillctl.usecases.combine import CombineOptions, combine
-from skillctl.usecases.files import load, open_skill, save
+from skillctl.usecases.files import load, save
 
 
 @pytest.fixture

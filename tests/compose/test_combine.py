@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.compose import calibrated_priors, combine, coverage, merge
+from skillctl.compose.combine import combine
+from skillctl.compose.merge import merge
 from skillctl.errors import UsageError
+from skillctl.evaluate.coverage import calibrated_priors, coverage
 from skillctl.model import Demonstration, DemonstrationSet, GaussianMixture, StateSpace, rollout
 
 EPS = np.finfo(float).eps

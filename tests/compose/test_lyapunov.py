@@ -6,7 +6,7 @@ import cvxpy
 import numpy as np
 import pytest
 
-from skillctl.compose import common_lyapunov, conflicting_parts
+from skillctl.compose.lyapunov import common_lyapunov, conflicting_parts
 from skillctl.errors import InvalidModelError
 from skillctl.model.contraction import contraction_periods, decay_rates
 

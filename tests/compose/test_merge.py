@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from skillctl.compose import NoCommonLyapunovError, common_lyapunov_of, merge, notes_on, with_lyapunov
+from skillctl.compose.lyapunov import common_lyapunov_of, with_lyapunov
+from skillctl.compose.merge import NoCommonLyapunovError, merge
+from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.model import CombinedSkill, MergedSkill, StateSpace
 from skillctl.model.contraction import decay_rates

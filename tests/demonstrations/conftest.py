@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations import ReadResult, read_demonstrations
 from skillctl.demonstrations.child import Child
+from skillctl.demonstrations.reader import ReadResult, read_demonstrations
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from skillctl.demonstrations import archive, read_demonstrations
+from skillctl.demonstrations import archive
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from skillctl.demonstrations import matlab, read_demonstrations
+from skillctl.demonstrations import matlab
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError
 
 EPS = np.finfo(np.float64).eps

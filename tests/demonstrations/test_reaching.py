@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl.demonstrations import reaching, read_demonstrations, write_csv
+from skillctl.demonstrations import reaching
 from skillctl.demonstrations.reaching import (
     LOW_STARTS,
     PLACES,
@@ -17,6 +17,8 @@ from skillctl.demonstrations.reaching import (
     reaching_demonstrations,
     target_of,
 )
+from skillctl.demonstrations.reader import read_demonstrations
+from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import StoreError, UsageError
 from skillctl.model import Demonstration
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl.demonstrations import FORMATS, read_demonstrations
+from skillctl.demonstrations.formats import FORMATS
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, NotFoundError, UsageError
 
 PLAIN = "t,x,y\n0,1,2\n0.1,1.5,2.5\n0.2,2,2.25\n"

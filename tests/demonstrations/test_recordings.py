@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations import ReadResult, read_demonstrations
+from skillctl.demonstrations.reader import ReadResult, read_demonstrations
 
 
 def as_table(times: FloatArray, positions: FloatArray) -> str:

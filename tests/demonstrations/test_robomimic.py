@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from h5py import h5d, h5p, h5s, h5t
 
-from skillctl.demonstrations import child, read_demonstrations
+from skillctl.demonstrations import child
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 
 OBS = "data/demo_0/obs"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skillctl.demonstrations import read_demonstrations
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 
 JOINTS = ["SpineBase", "Neck", "ElbowRight", "HandRight", "HandLeft"]

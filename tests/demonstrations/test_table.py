@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from skillctl.demonstrations import read_demonstrations
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 
 ROWS = [[0.0, 1.0, 2.0], [0.1, 1.5, 2.5], [0.2, 2.0, 2.25]]

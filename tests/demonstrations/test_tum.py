@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from skillctl.demonstrations import ReadResult, read_demonstrations
+from skillctl.demonstrations.reader import ReadResult, read_demonstrations
 from skillctl.errors import InputDataError
 
 # As the benchmark's own files are: comments, seconds since 1970, four decimals.

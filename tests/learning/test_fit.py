@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.learning import LearnOptions, Progress, fit, learned_metric
+from skillctl.learning.fit import fit, learned_metric
+from skillctl.learning.options import LearnOptions
 from skillctl.learning.select import component_limit
+from skillctl.learning.solve import Progress
 from skillctl.model import Demonstration, DemonstrationSet, SedsSkill, StateSpace, rollout
 
 Curved = Callable[..., DemonstrationSet]
@@ -203,7 +205,8 @@ def test_bad_options_are_named(options: dict[str, object]) -> None:
 
 SCRIPT = """
 import hashlib, numpy as np
-from skillctl.learning import LearnOptions, fit
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import Demonstration, DemonstrationSet, StateSpace
 t = np.linspace(0, 1, 80)[:, None]
 g = np.random.default_rng(0)

@@ -10,8 +10,9 @@ import sys
 import pytest
 
 from skillctl.errors import NotFoundError
-from skillctl.simulation import Scenario, simulate
 from skillctl.simulation.bullet import load_bullet, silenced
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 
 
 def test_without_pybullet_one_line_says_what_to_install(
@@ -66,7 +67,8 @@ def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -
     )
     code = """
 import ctypes
-from skillctl.simulation import Scenario, simulate
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.bullet import load_bullet, silenced
 from tests_skill import skill
 print("first", flush=True)

@@ -9,9 +9,10 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill
-from skillctl.simulation import ARMS, Scenario
+from skillctl.simulation.arm import ARMS
 from skillctl.simulation.check import check
 from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 
 MakeLinear = Callable[..., SedsSkill]
 START = (0.42, -0.20, 0.45)

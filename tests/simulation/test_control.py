@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skillctl.simulation import Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.control import Follower
 from skillctl.simulation.driver import Driver
@@ -15,7 +14,7 @@ from skillctl.simulation.ik import Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.placement import Placement
-from skillctl.simulation.scenario import MoveTarget
+from skillctl.simulation.scenario import MoveTarget, Scenario
 
 FORWARD = np.array([0.24, 0.0, 0.0])  # [m/s]: 1 mm per period
 STEP = FORWARD * CONTROL_PERIOD

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from skillctl.model import CombinedSkill
-from skillctl.simulation import Scenario
 from skillctl.simulation.disturbances import Perception, Schedule, jumped, last_end
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.placement import Placement
-from skillctl.simulation.scenario import Displace, MoveTarget, Push
+from skillctl.simulation.scenario import Displace, MoveTarget, Push, Scenario
 
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
 EPS = np.finfo(np.float64).eps

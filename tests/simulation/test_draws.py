@@ -6,9 +6,8 @@ import pytest
 pytest.importorskip("pydantic")
 
 from skillctl.errors import UsageError
-from skillctl.simulation import Cup, Scenario, Shelf
 from skillctl.simulation.draws import drawn, with_defaults
-from skillctl.simulation.scenario import Sampling
+from skillctl.simulation.scenario import Cup, Sampling, Scenario, Shelf
 
 STARTS = np.array([[0.4, -0.2, 0.5], [0.4, 0.3, 0.6]])
 NONE = np.zeros((0, 3))

@@ -12,7 +12,10 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.errors import UsageError
 from skillctl.model import CombinedSkill, SedsSkill
-from skillctl.simulation import PHASES, Episode, RefusedError, Scenario, encode_log, simulate
+from skillctl.simulation.episode import PHASES, Episode, RefusedError
+from skillctl.simulation.recording import encode_log
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 
 MakeLinear = Callable[..., SedsSkill]
 MIDDLE = 0.70 + 0.06  # height of the middle of a cup on the upper board, [m]

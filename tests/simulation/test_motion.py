@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from skillctl.model import CombinedSkill, Controller, SedsSkill
-from skillctl.simulation import Scenario
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.motion import Motion, plan_motion
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.scenario import Scenario
 
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
 EPS = np.finfo(np.float64).eps

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from skillctl.simulation import Scenario
 from skillctl.simulation.grasp import Grasping
 from skillctl.simulation.judge import Verdict
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import Contact
 
 PERIOD = 1 / 240

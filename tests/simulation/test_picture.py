@@ -12,19 +12,22 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.model import SedsSkill
-from skillctl.simulation import ARMS, Episode, Scenario, simulate
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import ARMS, ArmBody
 from skillctl.simulation.camera import Camera
+from skillctl.simulation.episode import Episode
 from skillctl.simulation.frame import TARGET, TRAIL
 from skillctl.simulation.picture import TILE, encode_picture
 from skillctl.simulation.recording import encode_log
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 
 OPTIONS = Scenario(start=(0.42, -0.20, 0.45))
 
 # Another process: its own hash seed, and another episode before the one that counts.
 ELSEWHERE = """
 import pickle, sys
-from skillctl.simulation import Scenario, simulate
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.picture import encode_picture
 from skillctl.simulation.recording import encode_log
 skill, options = pickle.load(sys.stdin.buffer)

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from skillctl.errors import UsageError
 from skillctl.model import SedsSkill, StateSpace
-from skillctl.simulation import ARMS, Scenario
+from skillctl.simulation.arm import ARMS
 from skillctl.simulation.placement import Placement, placements
+from skillctl.simulation.scenario import Scenario
 
 PANDA = ARMS["panda"]
 EPS = np.finfo(np.float64).eps

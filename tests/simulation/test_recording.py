@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.simulation import ARMS, Episode, Scenario, TimeSeries, encode_log, log_format
-from skillctl.simulation.episode import measure
+from skillctl.simulation.arm import ARMS
+from skillctl.simulation.episode import Episode, TimeSeries, measure
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.recording import encode_log, log_format
+from skillctl.simulation.scenario import Scenario
 
 
 @pytest.fixture

@@ -13,8 +13,10 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.errors import GoalNotReachedError, UsageError
 from skillctl.model import CombinedSkill, SedsSkill
-from skillctl.simulation import ARMS, Episode, Scenario, simulate
-from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, DrivenArm
+from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody, DrivenArm
+from skillctl.simulation.episode import Episode
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 
 MakeLinear = Callable[..., SedsSkill]
 STARTS = {3: (0.42, -0.20, 0.45), 2: (-0.08, 0.05)}

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.simulation import ARMS, Scenario
+from skillctl.simulation.arm import ARMS
+from skillctl.simulation.scenario import Scenario
 
 
 @pytest.mark.parametrize(

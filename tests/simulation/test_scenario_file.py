@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillctl.errors import InputDataError, NotFoundError, UsageError
-from skillctl.simulation import Scenario
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scenario_file import overridden, read_scenario, to_toml
 
 FULL = """

@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation import ARMS, Scenario, Shelf, Table
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import ARMS, ArmBody
+from skillctl.simulation.scenario import Scenario, Shelf, Table
 from skillctl.simulation.scene import SceneBodies, boxes, cup_middle
 
 PANDA = ARMS["panda"]

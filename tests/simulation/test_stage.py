@@ -5,9 +5,10 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation import ARMS, Cup, Shelf, Table
+from skillctl.simulation.arm import ARMS
 from skillctl.simulation.camera import Camera, blurred_within
 from skillctl.simulation.frame import SCENE_DIRECTION
+from skillctl.simulation.scenario import Cup, Shelf, Table
 from skillctl.simulation.scene import boxes
 from skillctl.simulation.stage import Stage, _cup_mesh
 

@@ -9,8 +9,7 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation import ARMS
-from skillctl.simulation.arm import ArmBody, ArmState, DrivenArm
+from skillctl.simulation.arm import ARMS, ArmBody, ArmState, DrivenArm
 from skillctl.simulation.control import Follower
 from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
 from skillctl.simulation.ik import Kinematics

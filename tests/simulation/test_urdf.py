@@ -14,8 +14,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 import pybullet_data
 
 from skillctl.errors import InputDataError, NotFoundError, UsageError
-from skillctl.simulation import ARMS
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import ARMS, ArmBody
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.urdf import find_arm
 

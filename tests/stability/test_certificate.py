@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 from skillctl.model import CombinedSkill, GaussianMixture, MergedSkill
-from skillctl.stability import certify
+from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least, at_most
 
 EPS = np.finfo(float).eps

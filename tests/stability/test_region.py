@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from skillctl.model import CombinedSkill, GaussianMixture, rollout
-from skillctl.stability import certify
+from skillctl.stability.certificate import certify
 from skillctl.stability.region import DensityBounds, certified_radius
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from skillctl import store
 from skillctl.errors import ArtifactError, InputDataError, InvalidModelError, SkillctlError
 from skillctl.model import Skill
-from skillctl.stability import certify
+from skillctl.stability.certificate import certify
 from skillctl.store.errors import InvalidArtifactError, Refusal
 
 SEAL = 512

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from skillctl import store
-from skillctl.learning import LearnOptions
+from skillctl.learning.options import LearnOptions
 from skillctl.usecases.combine import CombineOptions, combine
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import MergeOptions, merge

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from skillctl.errors import ArtifactError, FitError, UsageError
-from skillctl.learning import LearnOptions
+from skillctl.learning.options import LearnOptions
 from skillctl.model import GaussianMixture, SedsSkill, StateSpace
 from skillctl.store import Artifact, Operation, current_provenance, encode, read_skill, write_file
+from skillctl.store.source import open_skill
 from skillctl.usecases.combine import CombineOptions, combine
-from skillctl.usecases.files import load, open_skill, save
+from skillctl.usecases.files import load, save
 from skillctl.usecases.inspect import joint_mixture
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import MergeOptions, merge

@@ -12,12 +12,13 @@ import pytest
 import scipy.io
 
 from skillctl.errors import FitError, StoreError, UsageError
-from skillctl.learning import LearnOptions
-from skillctl.stability import certify
+from skillctl.learning.options import LearnOptions
+from skillctl.stability.certificate import certify
 from skillctl.store import layout, metadata_of, read_skill, require_room_for_records
 from skillctl.store.canonical import dump_canonical
+from skillctl.store.source import open_skill
 from skillctl.usecases import learn as module
-from skillctl.usecases.files import load, open_skill
+from skillctl.usecases.files import load
 from skillctl.usecases.learn import Reading, learn
 from skillctl.usecases.verify_stability import verify
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl import compose
-from skillctl.demonstrations import read_demonstrations
+from skillctl.adapt.task import fit_to_task, task_distances
+from skillctl.compose.lyapunov import common_lyapunov_of
+from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import FitError, UsageError
 from skillctl.model import DemonstrationSet
 from skillctl.store import read_skill
@@ -16,7 +17,6 @@ from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load
 from skillctl.usecases.learn import Reading
 from skillctl.usecases.merge import MergeOptions, TaskOptions, merge
-from skillctl.usecases.task import fit_to_task, task_distances
 from skillctl.usecases.verify_stability import verify
 
 
@@ -77,7 +77,7 @@ def test_the_target_is_where_the_demonstrations_end_unless_another_is_given(task
 
 def test_a_demonstration_left_out_has_no_influence_on_the_weights_it_judges(task_files, library):
     parts = [load(name, store=library) for name in ("curve", "hook")]
-    lyapunov = compose.common_lyapunov_of(parts)
+    lyapunov = common_lyapunov_of(parts)
     task = read_demonstrations(task_files).demonstrations
     target = (0.0, 0.0)
     expected = []
@@ -154,7 +154,7 @@ def test_contradictions_and_other_spaces_are_refused_before_anything_is_written(
 
 
 def test_a_store_whose_skills_do_not_help_says_so(tmp_path, library, monkeypatch):
-    monkeypatch.setattr(compose, "most_helpful", lambda *_: ())
+    monkeypatch.setattr("skillctl.adapt.candidates.most_helpful", lambda *_: ())
     task = written(tmp_path / "t.csv", (0.1, 0.2), (0, 0.1))
     with pytest.raises(FitError, match="no skill of the store moves along"):
         merge([], name="new", store=library, task=TaskOptions((task,), from_store=True))

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from skillctl.errors import InputDataError, NotFoundError, StoreError, UsageError
-from skillctl.learning import LearnOptions
+from skillctl.learning.options import LearnOptions
 from skillctl.usecases import learn_many as learn_many_module
 from skillctl.usecases.learn import learn
 from skillctl.usecases.learn_many import learn_many

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.compose import NoCommonLyapunovError, adapt, merge, most_helpful, scaled_components
+from skillctl.adapt.weights import adapt, most_helpful, scaled_components
+from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.errors import FitError, UsageError
 from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace
 

@@ -6,19 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
-from skillctl import compose
+from skillctl.adapt.refit import Refit, conflict_of, refit_parts
 from skillctl.arrays import FloatArray
+from skillctl.compose.lyapunov import common_lyapunov_of
 from skillctl.errors import FitError
-from skillctl.learning import LearnOptions
+from skillctl.learning.options import LearnOptions
 from skillctl.model import CombinedSkill, Skill
 from skillctl.model.contraction import contraction_periods, decay_rates
-from skillctl.stability import certify
+from skillctl.progress import Progress
+from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least
 from skillctl.store import DemonstrationReport
-from skillctl.usecases.files import Source
-from skillctl.usecases.parts import carried_reports
-from skillctl.usecases.progress import Progress
-from skillctl.usecases.refit import Refit, conflict_of, refit_parts
+from skillctl.store.source import Source, carried_reports
 
 LyapunovOrigin: TypeAlias = Literal["shared", "found", "refitted"]
 Build: TypeAlias = Callable[[Sequence[Skill], FloatArray], Skill]
@@ -110,7 +109,7 @@ def _as_they_are(sources: Sequence[Source], build: Build, speed: float) -> Toget
     """Return the parts with a common P that provably serves them, else None."""
     parts = tuple(source.skill for source in sources)
     for period in (_period_of(parts, speed), 0.0):
-        lyapunov = compose.common_lyapunov_of(parts, period=period)
+        lyapunov = common_lyapunov_of(parts, period=period)
         if lyapunov is None:
             continue
         certificate = certify(build(parts, lyapunov))

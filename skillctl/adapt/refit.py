@@ -6,16 +6,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar, cast
 
-from skillctl import compose
 from skillctl.arrays import FloatArray
+from skillctl.compose.lyapunov import conflicting_parts
 from skillctl.errors import FitError
-from skillctl.learning import LearnOptions, fit, learned_metric
+from skillctl.evaluate.errors import mean_dtw, report_errors
+from skillctl.learning.fit import fit, learned_metric
+from skillctl.learning.options import LearnOptions
 from skillctl.model import DemonstrationSet, SedsSkill, Skill
 from skillctl.model.skill import retargeted
+from skillctl.progress import Progress
 from skillctl.store import DemonstrationReport
-from skillctl.usecases.evaluate import mean_dtw, report_errors
-from skillctl.usecases.files import Source
-from skillctl.usecases.progress import Progress
+from skillctl.store.source import Source
 
 AnySkill = TypeVar("AnySkill", bound=Skill)
 
@@ -49,7 +50,7 @@ class RefittedParts:
 
 def conflict_of(sources: Sequence[Source]) -> str:
     """Return the names of the skills that admit no common Lyapunov matrix, as in ``a and b``."""
-    group = compose.conflicting_parts([source.skill for source in sources]) or range(len(sources))
+    group = conflicting_parts([source.skill for source in sources]) or range(len(sources))
     return " and ".join(sources[index].name for index in group)
 
 

@@ -8,9 +8,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from skillctl import compose, metrics
+from skillctl import metrics
+from skillctl.adapt.weights import scaled_components
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.learning import LearnOptions
+from skillctl.learning.options import LearnOptions
 from skillctl.model import DemonstrationSet, MergedSkill, SedsSkill
 from skillctl.model.contraction import contraction_periods, decay_rates
 
@@ -194,7 +195,7 @@ class _Mixture:
         """Return the superposition with these factors, without parts of next to no influence."""
         if self.level == "component":
             splits = [factors[self.owners == i] for i in range(len(self.parts))]
-            scaled = [compose.scaled_components(*pair) for pair in zip(self.parts, splits, strict=True)]
+            scaled = [scaled_components(*pair) for pair in zip(self.parts, splits, strict=True)]
             return Followed(MergedSkill(tuple(scaled), self.shares, speed=speed), self.shares)
         weights = self.shares * factors
         weights[weights < DROPPED * weights.sum()] = 0

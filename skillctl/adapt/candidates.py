@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from skillctl import compose
+from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model import CombinedSkill, DemonstrationSet
 from skillctl.store import Lock, Registry, locate_store
 from skillctl.store.errors import NotLockedError
-from skillctl.usecases.destination import Destination
-from skillctl.usecases.files import Source, open_skill
+from skillctl.store.source import Source, open_skill
 
 MOST_PARTS = 5  # each more makes a common proof harder
 
@@ -50,22 +50,27 @@ class Candidates:
 
 
 def candidates_from_store(
-    destination: Destination, shown: DemonstrationSet, lock: Lock | None = None
+    store: str | Path | None, shown: DemonstrationSet, lock: Lock | None = None, *, but: str | None = None
 ) -> Candidates:
     """Return the newest version of each skill of the store that helps with a task.
 
-    Under a lock, the version that it names of each skill that it names. Combined skills are none;
-    nor is what lies at the destination, or each run would build on the last.
+    Under a lock, the version that it names of each skill that it names. Combined skills are none.
+
+    Args:
+        store: Its directory; default as on the command line.
+        shown: Demonstrations of the task.
+        lock: Allow only skills that it names.
+        but: A name that is not considered: the result's own, or each run would build on the last.
 
     Raises:
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
         FitError: None moves along with them.
     """
-    registry = Registry(locate_store(destination.store))
+    registry = Registry(locate_store(store))
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():
-        if name == destination.name or (lock is not None and not lock.names(name)):
+        if name == but or (lock is not None and not lock.names(name)):
             continue
         try:
             source = open_skill(name, registry.root, lock)
@@ -90,13 +95,13 @@ def candidates_from_store(
 def _helpful(sources: Sequence[Source], shown: DemonstrationSet) -> tuple[Source, ...]:
     """Return those that help when they act together; one that helps alone gets the next best for company."""
     parts = [source.skill for source in sources if not isinstance(source.skill, CombinedSkill)]
-    chosen = compose.most_helpful(parts, shown, MOST_PARTS)
+    chosen = most_helpful(parts, shown, MOST_PARTS)
     if not chosen:
         raise FitError(
             "no skill of the store moves along with the demonstrations.", hint="Learn the task from them."
         )
     if len(chosen) == 1:
         others = [i for i in range(len(parts)) if i not in chosen]
-        second = compose.most_helpful([parts[i] for i in others], shown, 1) or (0,)
+        second = most_helpful([parts[i] for i in others], shown, 1) or (0,)
         chosen = (*chosen, others[second[0]])
     return tuple(sources[i] for i in sorted(chosen))

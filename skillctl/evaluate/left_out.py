@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.errors import UsageError
-from skillctl.learning import LearnOptions, fit
+from skillctl.evaluate.errors import HeldOut, report_errors
+from skillctl.learning.fit import fit
+from skillctl.learning.options import LearnOptions
 from skillctl.model import DemonstrationSet, SedsSkill
+from skillctl.progress import Progress
 from skillctl.store import DemonstrationReport
-from skillctl.usecases.evaluate import HeldOut, report_errors
-from skillctl.usecases.progress import Progress
 
 MOST_FOLDS = 10
 

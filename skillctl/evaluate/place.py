@@ -12,7 +12,7 @@ from skillctl.errors import UsageError
 from skillctl.model import CombinedSkill, MergedSkill, Skill, rollout
 from skillctl.model.mixture import softmax
 from skillctl.model.skill import attractors_of
-from skillctl.stability import Certificate
+from skillctl.stability.report import Certificate
 from skillctl.store import Artifact
 
 LONGEST_PERIOD = 0.01  # [s], of the rollout
@@ -73,9 +73,9 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
     skill = artifact.skill
     if not isinstance(skill, CombinedSkill):
         return ()
-    from skillctl import compose  # late: other skills need nothing of it
+    from skillctl.evaluate.coverage import selected_shares  # late: other skills need nothing of it
 
-    shares = compose.selected_shares(skill, artifact.demonstrations)
+    shares = selected_shares(skill, artifact.demonstrations)
     return tuple(
         Region(number, prior, tuple(attractor), proof.radius, *share)
         for number, (prior, attractor, proof, share) in enumerate(

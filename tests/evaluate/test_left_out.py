@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from skillctl.demonstrations import write_csv
 from skillctl.demonstrations.reaching import reaching_demonstrations
+from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import UsageError
-from skillctl.learning import LearnOptions
+from skillctl.evaluate.errors import HeldOut
+from skillctl.evaluate.left_out import validate
+from skillctl.learning.options import LearnOptions
 from skillctl.model import DemonstrationSet
-from skillctl.usecases.evaluate import HeldOut
-from skillctl.usecases.validate import validate
 
 FAST = LearnOptions(preset="fast")
 

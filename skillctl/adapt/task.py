@@ -8,12 +8,15 @@ from itertools import combinations
 
 import numpy as np
 
-from skillctl import compose, metrics
+from skillctl import metrics
+from skillctl.adapt.follow import FitLevel, follow, slowed
+from skillctl.adapt.weights import adapt as adapt_weights
 from skillctl.arrays import FloatArray
+from skillctl.compose.lyapunov import acting_matrices
+from skillctl.compose.merge import merge as merge_skills
 from skillctl.errors import FitError
 from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, SedsSkill, Skill, StateSpace, rollout
 from skillctl.model.contraction import contraction_periods
-from skillctl.usecases.follow import FitLevel, follow, slowed
 
 PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # of the way to its end, that starts next to a demonstrated one are away from it
@@ -104,7 +107,7 @@ def fit_to_task(
     """
     if target is None:
         target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
-    parts = compose.merge(parts, target=target, lyapunov=lyapunov).parts
+    parts = merge_skills(parts, target=target, lyapunov=lyapunov).parts
     families = [_family(motion, task.space) for motion in task]
     plain = _unfitted(parts, families)
     pairs = _pairs(plain, families)
@@ -132,7 +135,7 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
     """
     shown = [motion.positions - motion.positions[-1] + attractor for motion in task]
     longest = max(motion.duration for motion in task)
-    stable = 0.5 * float(contraction_periods(_p_of(skill), compose.acting_matrices(skill)).min())
+    stable = 0.5 * float(contraction_periods(_p_of(skill), acting_matrices(skill)).min())
     period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
     with np.errstate(over="ignore", invalid="ignore"):  # a step longer than proved may diverge
         moved = rollout(skill, np.stack([p[0] for p in shown]), duration=PATIENCE * longest, period=period)
@@ -170,7 +173,7 @@ def _unfitted(
     parts: Sequence[SedsSkill | MergedSkill], families: Sequence[DemonstrationSet]
 ) -> list[_Candidate]:
     """Return equal weights, and then each part alone."""
-    merged = compose.merge(parts)
+    merged = merge_skills(parts)
     ways = [(merged, np.ones(len(parts)), "equal weights")]
     ways += [
         (MergedSkill((part,), np.ones(1)), weights, "one part")
@@ -208,7 +211,7 @@ def _fitted(
     shown = DemonstrationSet(tuple(looked_at), families[0].space)
     goal = parts[0].attractor
     try:
-        adapted = compose.adapt(parts, shown, target=goal)
+        adapted = adapt_weights(parts, shown, target=goal)
     except FitError:  # nothing moves along; equal weights remain
         return []
     skill = slowed(adapted.skill)

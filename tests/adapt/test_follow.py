@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl import compose
+from skillctl.adapt import follow as module
+from skillctl.adapt import task as task_module
+from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, slowed
+from skillctl.adapt.task import fit_to_task, task_distances
+from skillctl.adapt.weights import scaled_components
+from skillctl.compose.merge import merge as merge_skills
 from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace, rollout
-from skillctl.stability import certify
-from skillctl.usecases import follow as module
-from skillctl.usecases import task as task_module
-from skillctl.usecases.follow import PERIOD, RATE_SHARE, follow, slowed
-from skillctl.usecases.task import fit_to_task, task_distances
+from skillctl.stability.certificate import certify
 
 STARTS = np.array([[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]])
 WRITTEN = 1 - 1e-3  # periods and rates are certified in few digits, rounded down
@@ -38,7 +39,7 @@ def motions_of(skill, starts=STARTS, hurry=1.0):
 
 def factored(parts, seed):
     rng = np.random.default_rng(seed)
-    return [compose.scaled_components(p, rng.uniform(0.5, 2.0, p.n_components)) for p in parts]
+    return [scaled_components(p, rng.uniform(0.5, 2.0, p.n_components)) for p in parts]
 
 
 def mean_error(skill, task):
@@ -47,7 +48,7 @@ def mean_error(skill, task):
 
 def test_known_weights_and_speed_are_found_from_equal_ones(parts, monkeypatch):
     monkeypatch.setattr(module, "STEPS", 2000)  # as fine as the truth is followed
-    truth = compose.merge(parts, part_weights=[1, 3, 2], speed=0.8)
+    truth = merge_skills(parts, part_weights=[1, 3, 2], speed=0.8)
     task = motions_of(truth)
     found = follow(parts, task, np.ones(3), level="part")
     assert mean_error(found.skill, task) <= mean_error(truth, task)  # which is followed in steps, too
@@ -58,7 +59,7 @@ def test_known_weights_and_speed_are_found_from_equal_ones(parts, monkeypatch):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_factors_of_components_lead_nearer_than_weights_of_parts(parts, seed):
-    task = motions_of(compose.merge(factored(parts, seed)))
+    task = motions_of(merge_skills(factored(parts, seed)))
     per_part, per_component = (
         mean_error(follow(parts, task, np.ones(3), level=level).skill, task)
         for level in ("part", "component")
@@ -67,7 +68,7 @@ def test_factors_of_components_lead_nearer_than_weights_of_parts(parts, seed):
 
 
 def test_a_path_is_followed_at_the_speed_it_was_shown(parts):
-    truth = compose.merge(parts, part_weights=[1, 3, 2])
+    truth = merge_skills(parts, part_weights=[1, 3, 2])
     skills = [follow(parts, motions_of(truth, hurry=h), np.ones(3), level="part").skill for h in (1, 2)]
     assert skills[1].speed == pytest.approx(2 * skills[0].speed, rel=0.02)
     assert skills[1].part_weights == pytest.approx(skills[0].part_weights, abs=0.02)
@@ -104,7 +105,7 @@ def test_parts_of_a_shorter_period_keep_theirs(parts):
     fast = [replace(part, speed=100.0) for part in parts]
     own = min(certify(part).period for part in fast)
     assert own < PERIOD
-    task = motions_of(compose.merge(parts), hurry=300.0)
+    task = motions_of(merge_skills(parts), hurry=300.0)
     for level in ("part", "component"):
         assert certify(follow(fast, task, np.ones(3), level=level).skill).period >= WRITTEN * own
 
@@ -122,18 +123,18 @@ def test_no_component_may_move_so_fast_that_its_steps_do_not_contract(parts):
 
 
 def test_a_merger_that_is_too_fast_for_the_controller_is_slowed_and_no_other(parts):
-    merged = compose.merge(parts)
+    merged = merge_skills(parts)
     assert slowed(merged).speed == merged.speed
     hasty = replace(merged, speed=1e4)
     assert WRITTEN * PERIOD <= certify(slowed(hasty)).period < 1.01 * PERIOD
 
 
 def test_merged_parts_are_fitted_down_to_their_leaves(parts):
-    nested = [compose.merge(parts[:2], gate="experts", sharpness=2.0, speed=1.5), parts[2]]
-    task = motions_of(compose.merge(nested, part_weights=[1, 2]))
+    nested = [merge_skills(parts[:2], gate="experts", sharpness=2.0, speed=1.5), parts[2]]
+    task = motions_of(merge_skills(nested, part_weights=[1, 2]))
     found = follow(nested, task, np.ones(2), level="component").skill
     assert isinstance(found.parts[0], MergedSkill)
-    assert mean_error(found, task) < 0.2 * mean_error(compose.merge(nested), task)
+    assert mean_error(found, task) < 0.2 * mean_error(merge_skills(nested), task)
     assert certify(found).verdict == "stable"
 
 
@@ -145,7 +146,7 @@ def test_the_search_begins_at_the_best_that_is_known_which_stays_slow_enough(par
         return module.Followed(MergedSkill(members[:1], np.ones(1)), np.eye(3)[0])
 
     monkeypatch.setattr(task_module, "follow", useless)
-    truth = compose.merge(parts, part_weights=[1, 6, 2])
+    truth = merge_skills(parts, part_weights=[1, 6, 2])
     quick = fit_to_task(parts, motions_of(truth, hurry=1e3), np.eye(2), target=(0.0, 0.0))
     assert quick.choice == "weights per part"
     assert seen[0] == pytest.approx(truth.part_weights, abs=0.05)

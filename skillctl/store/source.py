@@ -1,0 +1,87 @@
+"""A skill that was read: where it lies, and what its file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skillctl.store.locating import locate
+from skillctl.store.reader import read_skill
+from skillctl.store.schema import DemonstrationReport, ParentRecord, label
+
+if TYPE_CHECKING:
+    from skillctl.model import Skill
+    from skillctl.store.artifact import Artifact
+    from skillctl.store.lockfile import Lock
+    from skillctl.store.registry import Located
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A skill that was read.
+
+    Attributes:
+        located: Its file, and its name and version if it lies in a store.
+        artifact: What the file holds.
+    """
+
+    located: Located
+    artifact: Artifact
+
+    @property
+    def skill(self) -> Skill:
+        """The skill itself."""
+        return self.artifact.skill
+
+    @property
+    def name(self) -> str:
+        """A short name for tables and sentences."""
+        return display_name(self.located)
+
+    def as_parent(self, role: str) -> ParentRecord:
+        """Return what a skill made from this one records about it."""
+        name = self.located.name or label(self.located.path.name)
+        return ParentRecord(name=name, version=self.located.version, digest=self.artifact.digest, role=role)
+
+
+def open_skill(reference: str | Path, store: str | Path | None = None, lock: Lock | None = None) -> Source:
+    """Return the skill that a reference (file, NAME, NAME@3, NAME@latest) names.
+
+    Args:
+        reference: The skill.
+        store: Where names live; default as on the command line.
+        lock: If given, the skills that are allowed; a name it was made with leads to the version it names.
+
+    Raises:
+        UsageError: The reference is malformed.
+        NotFoundError: There is nothing of that name.
+        ArtifactError: The file is not an intact skill artifact, or not one that the lock names.
+    """
+    if lock is None:
+        located = locate(str(reference), store)
+        return Source(located, read_skill(located.path))
+    located = lock.locate(str(reference), store)
+    source = Source(located, read_skill(located.path))
+    lock.require(located, source.artifact.digest)
+    return source
+
+
+def display_name(located: Located) -> str:
+    """Return ``name@3`` for a skill of the store, else its path."""
+    return str(located.path) if located.name is None else f"{located.name}@{located.version}"
+
+
+def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
+    """Return the parents' reports, numbered by the leaves of the child.
+
+    They stay true: a leaf that is moved repeats a moved demonstration as well as before.
+    """
+    carried: list[DemonstrationReport] = []
+    first_leaf = 0
+    for source in sources:
+        reports = source.artifact.reports
+        carried += [report.model_copy(update={"leaf": first_leaf + report.leaf}) for report in reports]
+        first_leaf += len(source.skill.leaves)
+    return carried
