@@ -29,7 +29,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from skillctl.errors import SkillctlError
     from skillctl.learning.options import LearnOptions
-    from skillctl.model import Controller, rollout
+    from skillctl.model.controller import Controller
+    from skillctl.model.rollout import rollout
     from skillctl.simulation.scenario import Scenario
     from skillctl.usecases.combine import CombineOptions, combine
     from skillctl.usecases.files import load, save
@@ -64,7 +65,7 @@ __all__ = [
 
 _HOMES = {
     "CombineOptions": "skillctl.usecases.combine",
-    "Controller": "skillctl.model",
+    "Controller": "skillctl.model.controller",
     "LearnOptions": "skillctl.learning.options",
     "MergeOptions": "skillctl.usecases.merge",
     "Reading": "skillctl.usecases.learn",
@@ -76,7 +77,7 @@ _HOMES = {
     "learn": "skillctl.usecases.learn",
     "load": "skillctl.usecases.files",
     "merge": "skillctl.usecases.merge",
-    "rollout": "skillctl.model",
+    "rollout": "skillctl.model.rollout",
     "save": "skillctl.usecases.files",
     "simulate": "skillctl.usecases.simulate",
     "verify": "skillctl.usecases.verify_stability",

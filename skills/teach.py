@@ -9,7 +9,7 @@ import numpy as np
 
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations
 from skillctl.demonstrations.writing import DECIMALS, write_csv
-from skillctl.model import Demonstration
+from skillctl.model.demonstration import Demonstration
 
 STARTS = ((0.385, 0.44), (-0.20, 0.20), (0.50, 0.58))  # x, y, z: low in front of the shelf, hand level [m]
 COUNT = 10  # demonstrations of each of TASKS

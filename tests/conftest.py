@@ -96,7 +96,9 @@ def make_skill() -> Callable[..., Any]:
     """Return a maker of random SEDS skills: stable under a given P, at no less than a given decay rate."""
     import numpy as np
 
-    from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+    from skillctl.model.demonstration import StateSpace
+    from skillctl.model.mixture import GaussianMixture
+    from skillctl.model.skill import SedsSkill
 
     def covariances(rng: Any, k: int, d: int, spread: float) -> Any:
         factors = rng.normal(0, spread, (k, d, d))

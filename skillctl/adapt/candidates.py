@@ -8,7 +8,8 @@ from pathlib import Path
 
 from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
-from skillctl.model import CombinedSkill, DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.skill import CombinedSkill
 from skillctl.store import Lock, Registry, locate_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill

@@ -12,8 +12,9 @@ from skillctl import metrics
 from skillctl.adapt.weights import scaled_components
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.learning.options import LearnOptions
-from skillctl.model import DemonstrationSet, MergedSkill, SedsSkill
 from skillctl.model.contraction import contraction_periods, decay_rates
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.skill import MergedSkill, SedsSkill
 
 FitLevel: TypeAlias = Literal["part", "component"]
 FIT_LEVELS: tuple[FitLevel, ...] = ("part", "component")

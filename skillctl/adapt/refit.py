@@ -12,8 +12,8 @@ from skillctl.errors import FitError
 from skillctl.evaluate.errors import mean_dtw, report_errors
 from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
-from skillctl.model import DemonstrationSet, SedsSkill, Skill
-from skillctl.model.skill import retargeted
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.skill import SedsSkill, Skill, retargeted
 from skillctl.progress import Progress
 from skillctl.store import DemonstrationReport
 from skillctl.store.source import Source

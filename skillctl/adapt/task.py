@@ -15,8 +15,10 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import acting_matrices
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.errors import FitError
-from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, SedsSkill, Skill, StateSpace, rollout
 from skillctl.model.contraction import contraction_periods
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import MergedSkill, SedsSkill, Skill
 
 PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # of the way to its end, that starts next to a demonstrated one are away from it

@@ -11,8 +11,8 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import common_lyapunov_of
 from skillctl.errors import FitError
 from skillctl.learning.options import LearnOptions
-from skillctl.model import CombinedSkill, Skill
 from skillctl.model.contraction import contraction_periods, decay_rates
+from skillctl.model.skill import CombinedSkill, Skill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least

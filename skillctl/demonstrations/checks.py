@@ -10,7 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
 from skillctl.errors import InputDataError
-from skillctl.model import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 LARGEST = 1e9  # no position lies further out, in any unit; sums of squares cannot overflow
 GAP = 3.0  # a step this many times longer than the median is a gap

@@ -17,7 +17,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations.writing import DECIMALS
 from skillctl.errors import UsageError
-from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
 
 SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
 HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]

@@ -14,8 +14,7 @@ from skillctl.demonstrations.files import read_bytes
 from skillctl.demonstrations.formats import FORMATS, recordings_in
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
 from skillctl.errors import InputDataError, UsageError
-from skillctl.model import DemonstrationSet, StateSpace
-from skillctl.model.demonstration import AXIS_NAMES
+from skillctl.model.demonstration import AXIS_NAMES, DemonstrationSet, StateSpace
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import InputDataError, UsageError, printable
-from skillctl.model import StateSpace
+from skillctl.model.demonstration import StateSpace
 
 Unit: TypeAlias = Literal["m", "mm", "rad"]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.errors import StoreError
-from skillctl.model import Demonstration, StateSpace
+from skillctl.model.demonstration import Demonstration, StateSpace
 
 DECIMALS = 5  # 10 µm, 10 µs: finer than any recording
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model import CombinedSkill, MergedSkill, Skill, rollout
 from skillctl.model.mixture import softmax
-from skillctl.model.skill import attractors_of
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import CombinedSkill, MergedSkill, Skill, attractors_of
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
-from skillctl.model import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
 SPIKE_SHARE = 0.02  # a jump and back by more than this share of the extent is no motion of a hand

@@ -12,7 +12,7 @@ from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import EMBEDDED_POINTS, TrainingData
 from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve, stability_barrier
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 POINTS_PER_COORDINATE = 5  # a component needs about five points per dimension
 CANDIDATES = (1, 2, 3, 4, 5, 6, 7, 8, 10)

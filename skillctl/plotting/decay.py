@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.plotting.portrait import Motion
 
 

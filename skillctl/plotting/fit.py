@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from skillctl.arrays import FloatArray
-from skillctl.model import Demonstration
+from skillctl.model.demonstration import Demonstration
 from skillctl.plotting.panels import Draw, course, draw_paths, frame, latest_of
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
 from skillctl.plotting.skill import WIDTH, scale_of

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.path import Path
 
 from skillctl.arrays import FloatArray
-from skillctl.model import Skill
+from skillctl.model.skill import Skill
 from skillctl.plotting.portrait import Scale
 from skillctl.plotting.style import FLOW
 

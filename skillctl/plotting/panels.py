@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from skillctl.arrays import FloatArray
-from skillctl.model import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import CombinedSkill
 from skillctl.plotting.flow import draw_flow, grid
 from skillctl.plotting.portrait import Motion, Portrait, Scale
 from skillctl.plotting.style import (

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model import CombinedSkill, Demonstration, DemonstrationSet, Skill, StateSpace, rollout
 from skillctl.model.contraction import contraction_periods
-from skillctl.model.skill import MergedSkill, SedsSkill, attractors_of, density_of
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill, attractors_of, density_of
 
 STEPS = 1000  # of a motion as long as the longest demonstration
 PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands

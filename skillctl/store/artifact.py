@@ -12,7 +12,8 @@ from pydantic import ValidationError
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
-from skillctl.model import Demonstration, DemonstrationSet, Skill, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.skill import Skill
 from skillctl.store.canonical import dump_canonical, load_strict
 from skillctl.store.errors import Refusal, require_format
 from skillctl.store.layout import META, Array, content_digest

@@ -12,7 +12,7 @@ from skillctl.store.reader import read_skill
 from skillctl.store.schema import DemonstrationReport, ParentRecord, label
 
 if TYPE_CHECKING:
-    from skillctl.model import Skill
+    from skillctl.model.skill import Skill
     from skillctl.store.artifact import Artifact
     from skillctl.store.lockfile import Lock
     from skillctl.store.registry import Located

@@ -9,7 +9,9 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
-from skillctl.model import CombinedSkill, GaussianMixture, MergedSkill, SedsSkill, Skill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.store.errors import Refusal
 from skillctl.store.schema import CombinedNode, MergedNode, Node, SedsNode
 

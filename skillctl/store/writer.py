@@ -8,7 +8,7 @@ from io import BytesIO
 import numpy as np
 
 from skillctl.errors import StoreError
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.store.artifact import Artifact, arrays_of
 from skillctl.store.canonical import dump_canonical
 from skillctl.store.errors import Refusal

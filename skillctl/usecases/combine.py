@@ -14,8 +14,7 @@ from skillctl.compose.combine import combine as combine_skills
 from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
 from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
-from skillctl.model import CombinedSkill, Skill
-from skillctl.model.skill import CombineGate
+from skillctl.model.skill import CombinedSkill, CombineGate, Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify

@@ -11,8 +11,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model import SedsSkill, Skill, rollout
-from skillctl.model.skill import attractors_of
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import SedsSkill, Skill, attractors_of
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Lock, metadata_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.store import Artifact, Operation
 from skillctl.store.source import open_skill
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
-from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, Skill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import DemonstrationReport, Lock, Operation, Provenance

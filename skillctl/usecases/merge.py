@@ -19,8 +19,7 @@ from skillctl.compose.merge import merge as merge_skills
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
-from skillctl.model import MergedSkill, Skill
-from skillctl.model.skill import MergeGate
+from skillctl.model.skill import MergedSkill, MergeGate, Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.model import Skill
+from skillctl.model.skill import Skill
 from skillctl.store import (
     Artifact,
     DemonstrationReport,

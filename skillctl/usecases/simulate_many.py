@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from skillctl.errors import UsageError
-from skillctl.model import CombinedSkill
-from skillctl.model.skill import attractors_of
+from skillctl.model.skill import CombinedSkill, attractors_of
 from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from skillctl.errors import SkillctlError, StoreError, UsageError
-from skillctl.model import Skill
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate, at_least

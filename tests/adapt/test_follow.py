@@ -13,7 +13,9 @@ from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, slowed
 from skillctl.adapt.task import fit_to_task, task_distances
 from skillctl.adapt.weights import scaled_components
 from skillctl.compose.merge import merge as merge_skills
-from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace, rollout
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import MergedSkill
 from skillctl.stability.certificate import certify
 
 STARTS = np.array([[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]])

@@ -8,7 +8,8 @@ import pytest
 from skillctl.adapt.weights import adapt, most_helpful, scaled_components
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.errors import FitError, UsageError
-from skillctl.model import Demonstration, DemonstrationSet, MergedSkill, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.skill import MergedSkill
 
 EPS = np.finfo(float).eps
 

@@ -18,7 +18,9 @@ from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.learning.fit import Fit, fit
 from skillctl.learning.options import LearnOptions
 from skillctl.metrics import dtw
-from skillctl.model import DemonstrationSet, SedsSkill, rollout
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import SedsSkill
 
 PERIOD = 0.005  # [s], explicit Euler step of every rollout
 HORIZON = 5.0  # in durations of the demonstrations

@@ -22,7 +22,7 @@ from lasa import Score, microseconds, score
 
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
 
 ROWS = {
     "learned P, default": LearnOptions(),

@@ -28,7 +28,8 @@ from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, training_data
 from skillctl.metrics import dtw
-from skillctl.model import Controller, Demonstration, DemonstrationSet
+from skillctl.model.controller import Controller
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 Run = Callable[[Demonstration, bool], FloatArray]  # demonstration, held → path relative to the target
 K = 7

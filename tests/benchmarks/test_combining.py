@@ -23,8 +23,8 @@ from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.evaluate.coverage import calibrated_priors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model import Controller, rollout
-from skillctl.model.rollout import ARRIVAL_DISTANCE
+from skillctl.model.controller import Controller
+from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
 from skillctl.model.skill import density_of, retargeted
 
 NAMES = (

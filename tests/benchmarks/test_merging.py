@@ -23,7 +23,7 @@ from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, tar
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
-from skillctl.model import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import retargeted
 
 PLACES = {"top-left": (0, 2), "top-right": (1, 2), "bottom-centre": (0, 1)}  # parts that share side or height

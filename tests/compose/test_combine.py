@@ -9,7 +9,9 @@ from skillctl.compose.combine import combine
 from skillctl.compose.merge import merge
 from skillctl.errors import UsageError
 from skillctl.evaluate.coverage import calibrated_priors, coverage
-from skillctl.model import Demonstration, DemonstrationSet, GaussianMixture, StateSpace, rollout
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.rollout import rollout
 
 EPS = np.finfo(float).eps
 

@@ -12,9 +12,9 @@ from skillctl.compose.lyapunov import common_lyapunov_of, with_lyapunov
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
-from skillctl.model import CombinedSkill, MergedSkill, StateSpace
 from skillctl.model.contraction import decay_rates
-from skillctl.model.skill import MERGE_GATES, retargeted
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.skill import MERGE_GATES, CombinedSkill, MergedSkill, retargeted
 
 EPS = np.finfo(float).eps
 RELATIVE = 1e5 * EPS  # logits of a few thousand, right to a few ulps, decide weights

@@ -20,7 +20,7 @@ from skillctl.demonstrations.reaching import (
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import StoreError, UsageError
-from skillctl.model import Demonstration
+from skillctl.model.demonstration import Demonstration
 
 ROUNDING = 1e-5  # positions are rounded to 10 µm
 

@@ -11,7 +11,7 @@ from skillctl.errors import UsageError
 from skillctl.evaluate.errors import HeldOut
 from skillctl.evaluate.left_out import validate
 from skillctl.learning.options import LearnOptions
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 FAST = LearnOptions(preset="fast")
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
 
 
 def minimum_jerk(phase: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from skillctl.learning.copies import DAWDLING, copies_beyond, displaced, phases
 from skillctl.learning.preprocess import align, training_data
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 Curved = Callable[..., DemonstrationSet]
 

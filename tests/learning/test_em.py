@@ -10,7 +10,7 @@ from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import constrained_em, expectation, log_likelihood, log_normal, maximisation
 from skillctl.learning.initialize import kmeans, partitions
 from skillctl.learning.preprocess import align, training_data
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 Curved = Callable[..., DemonstrationSet]
 

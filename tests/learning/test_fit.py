@@ -13,7 +13,9 @@ from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.select import component_limit
 from skillctl.learning.solve import Progress
-from skillctl.model import Demonstration, DemonstrationSet, SedsSkill, StateSpace, rollout
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import SedsSkill
 
 Curved = Callable[..., DemonstrationSet]
 FAST = LearnOptions(preset="fast", n_components=4)
@@ -207,7 +209,7 @@ SCRIPT = """
 import hashlib, numpy as np
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
 t = np.linspace(0, 1, 80)[:, None]
 g = np.random.default_rng(0)
 demos = [Demonstration.from_positions(t[:, 0], (1 - t**2) * g.normal(1, 0.1, 3) + 0.1 * np.sin(3 * t))

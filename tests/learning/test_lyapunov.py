@@ -14,7 +14,7 @@ from skillctl.learning.lyapunov import (
     stretched,
 )
 from skillctl.learning.preprocess import align, training_data
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 
 def test_a_straight_approach_forces_nothing() -> None:

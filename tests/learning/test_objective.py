@@ -13,8 +13,8 @@ from skillctl.learning.levenberg import State, minimise
 from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
-from skillctl.model import DemonstrationSet, GaussianMixture
-from skillctl.model.mixture import quadratic_features, softmax
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.mixture import GaussianMixture, quadratic_features, softmax
 
 Curved = Callable[..., DemonstrationSet]
 BARRIER = StabilityBarrier(np.eye(2), 0.03)

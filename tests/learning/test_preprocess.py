@@ -14,7 +14,7 @@ from skillctl.learning.preprocess import (
     trim_rests,
     without_spikes,
 )
-from skillctl.model import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 Curved = Callable[..., DemonstrationSet]
 

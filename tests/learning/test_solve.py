@@ -8,7 +8,7 @@ from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import EFFORTS, LearnOptions
 from skillctl.learning.preprocess import align, training_data
 from skillctl.learning.solve import COARSE_AND_FINE, Progress, initial_mixtures, optimise, stability_barrier
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 
 Curved = Callable[..., DemonstrationSet]
 

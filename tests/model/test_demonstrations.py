@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skillctl.errors import InputDataError
-from skillctl.model import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
 
 TIMES = np.linspace(0, 2, 201)
 

@@ -6,7 +6,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from skillctl.errors import InvalidModelError
-from skillctl.model import GaussianMixture
+from skillctl.model.mixture import GaussianMixture
 
 EPS = np.finfo(float).eps
 

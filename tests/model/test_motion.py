@@ -8,8 +8,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from skillctl.errors import UsageError
-from skillctl.model import CombinedSkill, Controller, GaussianMixture, SedsSkill, StateSpace, rollout
-from skillctl.model.skill import retargeted
+from skillctl.model.controller import Controller
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.rollout import rollout
+from skillctl.model.skill import CombinedSkill, SedsSkill, retargeted
 
 EPS = np.finfo(float).eps
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from skillctl.errors import InvalidModelError, UsageError
-from skillctl.model import GaussianMixture, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
 from skillctl.model.skill import attractors_of, density_of, retargeted
 
 EPS = np.finfo(float).eps

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from skillctl.errors import InvalidModelError, UsageError
-from skillctl.model import CombinedSkill, GaussianMixture, MergedSkill, StateSpace
-from skillctl.model.skill import MERGE_GATES, attractors_of, density_of, retargeted
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import (
+    MERGE_GATES,
+    CombinedSkill,
+    MergedSkill,
+    attractors_of,
+    density_of,
+    retargeted,
+)
 
 EPS = np.finfo(float).eps
 RELATIVE = 1e5 * EPS  # logits of a few thousand, right to a few ulps, decide weights

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skillctl.model import CombinedSkill, Demonstration, DemonstrationSet, MergedSkill, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.skill import CombinedSkill, MergedSkill
 from skillctl.plotting.portrait import Portrait, portrait_of
 
 

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.contour import QuadContourSet
 from matplotlib.patches import Circle, Ellipse
 
-from skillctl.model import StateSpace
+from skillctl.model.demonstration import StateSpace
 from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import MOST_PROFILES, draw_fit
 from skillctl.plotting.flow import widest_speed

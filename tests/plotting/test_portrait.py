@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.model import StateSpace
+from skillctl.model.demonstration import StateSpace
 from skillctl.plotting.portrait import POINTS, Scale, box_around, motions_from, portrait_of
 
 

@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import SedsSkill
 
 MakeLinear = Callable[..., SedsSkill]
 

@@ -88,7 +88,9 @@ print("last")
     prelude = f"""
 import sys, types
 import numpy as np
-from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import SedsSkill
 one = np.ones(1)
 square = np.array([np.eye(3)])
 target = np.array({skill.attractor.tolist()})

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillctl.errors import UsageError
-from skillctl.model import SedsSkill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.skill import SedsSkill
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario

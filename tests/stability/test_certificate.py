@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
-from skillctl.model import CombinedSkill, GaussianMixture, MergedSkill
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import CombinedSkill, MergedSkill
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least, at_most
 

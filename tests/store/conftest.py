@@ -15,16 +15,9 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError
-from skillctl.model import (
-    CombinedSkill,
-    Demonstration,
-    DemonstrationSet,
-    GaussianMixture,
-    MergedSkill,
-    SedsSkill,
-    Skill,
-    StateSpace,
-)
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 from skillctl.store import errors
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from skillctl import store
-from skillctl.model import CombinedSkill, MergedSkill
-from skillctl.model.skill import CombineGate, MergeGate
+from skillctl.model.skill import CombinedSkill, CombineGate, MergedSkill, MergeGate
 
 ARCHIVES = Path(__file__).parents[1] / "archives"
 TABLE = (ARCHIVES / "v1" / "README.md").read_text(encoding="utf-8")

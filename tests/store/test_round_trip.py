@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from skillctl import store
 from skillctl.errors import InvalidModelError, StoreError
-from skillctl.model import CombinedSkill, MergedSkill, SedsSkill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
 
 LEAF_ARRAYS = (
     "priors",

@@ -16,7 +16,7 @@ import numpy as np
 
 from skillctl import store
 from skillctl.errors import ArtifactError, InputDataError, InvalidModelError, SkillctlError
-from skillctl.model import Skill
+from skillctl.model.skill import Skill
 from skillctl.stability.certificate import certify
 from skillctl.store.errors import InvalidArtifactError, Refusal
 

@@ -9,7 +9,9 @@ import pytest
 
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.learning.options import LearnOptions
-from skillctl.model import GaussianMixture, SedsSkill, StateSpace
+from skillctl.model.demonstration import StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import SedsSkill
 from skillctl.store import Artifact, Operation, current_provenance, encode, read_skill, write_file
 from skillctl.store.source import open_skill
 from skillctl.usecases.combine import CombineOptions, combine

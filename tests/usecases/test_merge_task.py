@@ -11,7 +11,7 @@ from skillctl.adapt.task import fit_to_task, task_distances
 from skillctl.compose.lyapunov import common_lyapunov_of
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import FitError, UsageError
-from skillctl.model import DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.store import read_skill
 from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load

@@ -14,16 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from skillctl import store
-from skillctl.model import (
-    CombinedSkill,
-    Demonstration,
-    DemonstrationSet,
-    GaussianMixture,
-    MergedSkill,
-    SedsSkill,
-    Skill,
-    StateSpace,
-)
+from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
 
 SPACE = StateSpace(("x", "y"), unit="m", frame="base")
 
