@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +16,25 @@ from skillctl.errors import InvalidModelError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+
+class Frozen:
+    """A frozen dataclass over read-only arrays: copies and pickles of it are made by its constructor.
+
+    Without this they would hold writable arrays beside values computed from them: a velocity and a proof
+    that speak of different numbers.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        given = {field.name: getattr(self, field.name) for field in fields(self) if field.init}  # type: ignore[arg-type]
+        plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in given.items()}
+        return _constructed, (type(self), plain)
+
+
+def _constructed(kind: type, given: dict[str, Any]) -> Any:
+    return kind(**given)
 
 
 def frozen_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -> FloatArray:
@@ -55,6 +77,12 @@ def require_spd(name: str, matrices: FloatArray) -> None:
         raise InvalidModelError(f"{name}: must be symmetric.")
     if np.linalg.eigvalsh(matrices).min() <= 0:
         raise InvalidModelError(f"{name}: must be positive definite.")
+
+
+def require_positive(name: str, value: float) -> None:
+    """Raise InvalidModelError unless ``value`` is a positive, finite number."""
+    if not (math.isfinite(value) and value > 0):
+        raise InvalidModelError(f"{name}: must be a positive number, got {value!r}.")
 
 
 def require_simplex(name: str, weights: FloatArray) -> None:

@@ -68,6 +68,10 @@ class InputDataError(SkillctlError):
     """Demonstrations that cannot be used: unreadable, not finite, too short, of different dimensions."""
 
 
+class StateError(InputDataError):
+    """A state that a skill cannot be asked about: of another shape, or not finite."""
+
+
 class InvalidModelError(SkillctlError):
     """Arrays that do not form a skill: wrong shape, not finite, not positive definite."""
 

@@ -96,9 +96,9 @@ def make_skill() -> Callable[..., Any]:
     """Return a maker of random SEDS skills: stable under a given P, at no less than a given decay rate."""
     import numpy as np
 
-    from skillctl.model.demonstration import StateSpace
     from skillctl.model.mixture import GaussianMixture
-    from skillctl.model.skill import SedsSkill
+    from skillctl.model.seds import SedsSkill
+    from skillctl.model.space import Euclidean
 
     def covariances(rng: Any, k: int, d: int, spread: float) -> Any:
         factors = rng.normal(0, spread, (k, d, d))
@@ -137,7 +137,7 @@ def make_skill() -> Callable[..., Any]:
             attractor=goal,
             lyapunov=p,
             density=density,
-            space=StateSpace.cartesian(d),
+            space=Euclidean.cartesian(d),
             speed=speed,
         )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import CombinedSkill
+from skillctl.model.skill import ActingSkill
 from skillctl.store import Lock, Registry, locate_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill
@@ -80,7 +80,7 @@ def candidates_from_store(
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
             continue
-        if not isinstance(source.skill, CombinedSkill) and source.skill.space == shown.space:
+        if isinstance(source.skill, ActingSkill) and source.skill.space == shown.space:
             sources.append(source)
     if len(sources) < 2:
         raise UsageError(
@@ -95,7 +95,7 @@ def candidates_from_store(
 
 def _helpful(sources: Sequence[Source], shown: DemonstrationSet) -> tuple[Source, ...]:
     """Return those that help when they act together; one that helps alone gets the next best for company."""
-    parts = [source.skill for source in sources if not isinstance(source.skill, CombinedSkill)]
+    parts = [source.skill for source in sources if isinstance(source.skill, ActingSkill)]
     chosen = most_helpful(parts, shown, MOST_PARTS)
     if not chosen:
         raise FitError(

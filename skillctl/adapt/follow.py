@@ -12,9 +12,10 @@ from skillctl import metrics
 from skillctl.adapt.weights import scaled_components
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.learning.options import LearnOptions
-from skillctl.model.contraction import contraction_periods, decay_rates
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import MergedSkill, SedsSkill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import ActingSkill, contraction_period
+from skillctl.model.stepper import moved
 
 FitLevel: TypeAlias = Literal["part", "component"]
 FIT_LEVELS: tuple[FitLevel, ...] = ("part", "component")
@@ -44,7 +45,7 @@ class Followed:
 
 
 def follow(
-    parts: Sequence[SedsSkill | MergedSkill],
+    parts: Sequence[ActingSkill],
     shown: DemonstrationSet,
     weights: FloatArray,
     *,
@@ -104,7 +105,7 @@ def follow(
 
 def slowed(merged: MergedSkill) -> MergedSkill:
     """Return the merger, slower where it would not keep the period of controllers that its parts keep."""
-    periods = [contraction_periods(merged.lyapunov, part.component_matrices).min() for part in merged.parts]
+    periods = [contraction_period(part) for part in merged.parts]
     fastest = SAFE * float(min(periods)) / min(PERIOD, float(min(periods)))
     return replace(merged, speed=min(merged.speed, fastest))
 
@@ -121,7 +122,7 @@ class _Mixture:
         rates, periods: Slowest decay [1/s] and shortest contracting step [s] of what each moves. Shape (m,).
     """
 
-    parts: tuple[SedsSkill | MergedSkill, ...]
+    parts: tuple[ActingSkill, ...]
     shares: FloatArray
     level: FitLevel
     owners: IntArray
@@ -129,10 +130,10 @@ class _Mixture:
     periods: FloatArray
 
     @classmethod
-    def of(cls, parts: tuple[SedsSkill | MergedSkill, ...], weights: FloatArray, level: FitLevel) -> _Mixture:
+    def of(cls, parts: tuple[ActingSkill, ...], weights: FloatArray, level: FitLevel) -> _Mixture:
         shares = np.maximum(weights / weights.sum(), LEAST / len(parts))
-        rates = [decay_rates(part.lyapunov, part.component_matrices) for part in parts]
-        periods = [contraction_periods(part.lyapunov, part.component_matrices) for part in parts]
+        rates = [part.form.rates(part.component_matrices) for part in parts]
+        periods = [part.form.periods(part.component_matrices) for part in parts]
         if level == "part":
             rates, periods = (
                 [own.min(keepdims=True) for own in rates],
@@ -245,7 +246,8 @@ class _Paths:
         near = ARRIVED * np.tile(self.lengths, len(starts) // len(self.lengths))
         x, path = starts, [starts]
         for _ in range(round(DURATIONS * self.longest / step)):
-            x = x + step * np.einsum("nm,nmd->nd", factors, mixture.fields(x))
+            velocities = np.einsum("nm,nmd->nd", factors, mixture.fields(x))
+            x = moved(mixture.parts[0].space, x, velocities, step)
             path.append(x)
             if (np.linalg.norm(x - self.goal, axis=1) < near).all():
                 break

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import conflicting_parts
@@ -13,12 +13,11 @@ from skillctl.evaluate.errors import mean_dtw, report_errors
 from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import SedsSkill, Skill, retargeted
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill, retargeted
 from skillctl.progress import Progress
 from skillctl.store import DemonstrationReport
 from skillctl.store.source import Source
-
-AnySkill = TypeVar("AnySkill", bound=Skill)
 
 
 @dataclass(frozen=True)
@@ -71,13 +70,13 @@ def refit_parts(sources: Sequence[Source], progress: Progress | None = None) -> 
             progress(f"refitting {source.name}", number, len(owners))
         old = [leaf for part in sources for leaf in part.skill.leaves][number]
         fitted = fit(motions, _options_of(source, old), lyapunov=lyapunov)
-        new = replace(cast("SedsSkill", retargeted(fitted.skill, old.attractor)), speed=old.speed)
+        new = replace(retargeted(fitted.skill, old.attractor), speed=old.speed)
         before, after = (report_errors(leaf, motions, number) for leaf in (old, new))
         leaves.append(new)
         refits.append(Refit(source.name, number + 1, mean_dtw(before), mean_dtw(after)))
         reports += after
     remaining = iter(leaves)
-    parts = tuple(_with_leaves(source.skill, remaining) for source in sources)
+    parts = tuple(source.skill.with_leaves(lambda _: next(remaining)) for source in sources)
     return RefittedParts(parts, lyapunov, tuple(refits), tuple(reports))
 
 
@@ -104,11 +103,3 @@ def _options_of(source: Source, leaf: SedsSkill) -> LearnOptions:
         recorded = {key: options[key] for key in ("objective", "preset", "slowest_rate") if key in options}
         recorded["seed"] = source.artifact.operation.seed or 0
     return LearnOptions(n_components=leaf.n_components, **recorded)
-
-
-def _with_leaves(skill: AnySkill, leaves: Iterator[SedsSkill]) -> AnySkill:
-    """Return the same tree with other leaves, taken from left to right."""
-    if isinstance(skill, SedsSkill):
-        return cast("AnySkill", next(leaves))
-    parts = tuple(_with_leaves(part, leaves) for part in skill.parts)
-    return cast("AnySkill", replace(skill, parts=parts))

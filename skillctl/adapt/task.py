@@ -12,13 +12,13 @@ from skillctl import metrics
 from skillctl.adapt.follow import FitLevel, follow, slowed
 from skillctl.adapt.weights import adapt as adapt_weights
 from skillctl.arrays import FloatArray
-from skillctl.compose.lyapunov import acting_matrices
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.errors import FitError
-from skillctl.model.contraction import contraction_periods
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import MergedSkill, SedsSkill, Skill
+from skillctl.model.skill import ActingSkill, Skill, contraction_period
+from skillctl.model.space import Space
 
 PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # of the way to its end, that starts next to a demonstrated one are away from it
@@ -137,14 +137,14 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
     """
     shown = [motion.positions - motion.positions[-1] + attractor for motion in task]
     longest = max(motion.duration for motion in task)
-    stable = 0.5 * float(contraction_periods(_p_of(skill), acting_matrices(skill)).min())
+    stable = 0.5 * contraction_period(skill)
     period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
     with np.errstate(over="ignore", invalid="ignore"):  # a step longer than proved may diverge
         moved = rollout(skill, np.stack([p[0] for p in shown]), duration=PATIENCE * longest, period=period)
         return np.array([metrics.dtw(moved.trajectory(i)[1], p) for i, p in enumerate(shown)])
 
 
-def _family(motion: Demonstration, space: StateSpace) -> DemonstrationSet:
+def _family(motion: Demonstration, space: Space) -> DemonstrationSet:
     """Return a demonstration and its neighbours: moved at its start to either side, fading along the way.
 
     A single demonstration says nothing of where motions from other starts should go; that they should
@@ -167,13 +167,7 @@ def _distances(skill: Skill, families: Sequence[DemonstrationSet], attractor: Fl
     return distances.reshape(len(families), -1)
 
 
-def _p_of(skill: Skill) -> FloatArray:
-    return skill.leaves[0].lyapunov
-
-
-def _unfitted(
-    parts: Sequence[SedsSkill | MergedSkill], families: Sequence[DemonstrationSet]
-) -> list[_Candidate]:
+def _unfitted(parts: Sequence[ActingSkill], families: Sequence[DemonstrationSet]) -> list[_Candidate]:
     """Return equal weights, and then each part alone."""
     merged = merge_skills(parts)
     ways = [(merged, np.ones(len(parts)), "equal weights")]
@@ -203,7 +197,7 @@ def _pairs(plain: Sequence[_Candidate], families: Sequence[DemonstrationSet]) ->
 def _fitted(
     plain: Sequence[_Candidate],
     pairs: Sequence[_Candidate],
-    parts: Sequence[SedsSkill | MergedSkill],
+    parts: Sequence[ActingSkill],
     families: Sequence[DemonstrationSet],
     level: FitLevel,
     omitted: int | None = None,

@@ -11,8 +11,7 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import common_lyapunov_of
 from skillctl.errors import FitError
 from skillctl.learning.options import LearnOptions
-from skillctl.model.contraction import contraction_periods, decay_rates
-from skillctl.model.skill import CombinedSkill, Skill
+from skillctl.model.skill import Skill, contraction_period
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least
@@ -135,7 +134,10 @@ def _learned_again(sources: Sequence[Source], build: Build, progress: Progress |
 
 def _own_rate(skill: Skill) -> float:
     """Return the decay rate of a part under the Lyapunov matrices it has; an estimate. [1/s]."""
-    return min(float(decay_rates(p, matrices).min()) for p, matrices in _contractions(skill))
+    return min(
+        float(part.form.rates(skill.outer_speed * part.component_matrices).min())
+        for part in skill.acting_parts
+    )
 
 
 def _period_of(parts: Sequence[Skill], speed: float) -> float:
@@ -143,14 +145,5 @@ def _period_of(parts: Sequence[Skill], speed: float) -> float:
 
     In the time of the parts, which ``speed`` makes pass faster. [s].
     """
-    own = min(
-        float(contraction_periods(p, matrices).min()) for part in parts for p, matrices in _contractions(part)
-    )
+    own = min(contraction_period(part) for part in parts)
     return min(speed * LearnOptions().period, PERIOD_SHARE * own)
-
-
-def _contractions(skill: Skill) -> list[tuple[FloatArray, FloatArray]]:
-    """Return, for each group of components under one P, that P and the matrices that act."""
-    if isinstance(skill, CombinedSkill):
-        return [(part.lyapunov, skill.speed * part.component_matrices) for part in skill.parts]
-    return [(skill.lyapunov, skill.component_matrices)]

@@ -13,7 +13,9 @@ from skillctl.compose.merge import common_members
 from skillctl.compose.parts import normalised, on_one_attractor
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import MergedSkill, SedsSkill, Skill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import ActingSkill, AnyActing, Skill
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,7 +84,7 @@ def adapt(
 
 
 def most_helpful(
-    parts: Sequence[SedsSkill | MergedSkill], demonstrations: DemonstrationSet, most: int
+    parts: Sequence[ActingSkill], demonstrations: DemonstrationSet, most: int
 ) -> tuple[int, ...]:
     """Return which parts, at most ``most`` of them, move along with demonstrations when they act together.
 
@@ -114,7 +116,7 @@ def most_helpful(
         chosen = [i for i, m in zip(chosen, (m for m in moved if m > 0), strict=True) if m > least]
 
 
-def _velocity_weights(members: Sequence[SedsSkill | MergedSkill], task: _Task) -> FloatArray:
+def _velocity_weights(members: Sequence[ActingSkill], task: _Task) -> FloatArray:
     return _nonnegative(task.columns([part.velocity(task.states) for part in members]), task.goal)
 
 
@@ -152,13 +154,13 @@ def _nonnegative(columns: FloatArray, goal: FloatArray) -> FloatArray:
     return np.asarray(nnls(columns, goal)[0], dtype=np.float64)
 
 
-def scaled_components(part: SedsSkill | MergedSkill, factors: FloatArray) -> SedsSkill | MergedSkill:
+def scaled_components(part: AnyActing, factors: FloatArray) -> AnyActing:
     """Return the part with its components' velocities multiplied by positive factors (K,): h̃ᵏ = αᵏ hᵏ."""
-    if isinstance(part, SedsSkill):
-        matrices = part.system_matrices * factors[:, None, None]
-        residuals = part.residual_covariances * factors[:, None, None] ** 2
-        return replace(part, system_matrices=matrices, residual_covariances=residuals)
-    splits = np.split(factors, np.cumsum([inner.n_components for inner in part.parts])[:-1])
-    return replace(
-        part, parts=tuple(scaled_components(*pair) for pair in zip(part.parts, splits, strict=True))
-    )
+    splits = iter(np.split(factors, np.cumsum([leaf.n_components for leaf in part.leaves])[:-1]))
+
+    def scaled(leaf: SedsSkill) -> SedsSkill:
+        own = next(splits)[:, None, None]
+        matrices, residuals = leaf.system_matrices * own, leaf.residual_covariances * own**2
+        return replace(leaf, system_matrices=matrices, residual_covariances=residuals)
+
+    return part.with_leaves(scaled)

@@ -225,8 +225,8 @@ def _how(node: Node) -> list[str]:
     if node.gate is None:
         return []
     shares = ", ".join(f"{part.share:.3g}" for part in node.parts)
-    sharpness = f", sharpness {node.sharpness:g}" if node.gate == "experts" else ""
-    return [f"({node.gate}{sharpness}; shares {shares}; speed {node.speed:g})"]
+    parameters = "".join(f", {name} {value:g}" for name, value in node.parameters.items())
+    return [f"({node.gate}{parameters}; shares {shares}; speed {node.speed:g})"]
 
 
 def _origin(report: InspectReport) -> render.Facts:

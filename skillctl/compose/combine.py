@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import with_lyapunov
 from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
 from skillctl.errors import UsageError
-from skillctl.model.skill import (
-    COMBINE_GATES,
-    CombinedSkill,
-    CombineGate,
-    MergedSkill,
-    SedsSkill,
-    Skill,
-)
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import combine_gate
+from skillctl.model.skill import ActingSkill, Skill, extent
 
 DISTURBANCE_SHARE = 0.05  # of the smallest part's extent: more than tracking errors, less than a push
 
@@ -29,7 +22,7 @@ def combine(
     parts: Sequence[Skill],
     *,
     part_priors: npt.ArrayLike | None = None,
-    gate: CombineGate = "latched",
+    gate: str = "latched",
     align: bool = False,
     target: npt.ArrayLike | None = None,
     disturbance_distance: float | None = None,
@@ -61,8 +54,7 @@ def combine(
     require_compatible(parts, "combine")
     outer = normalised("part priors", part_priors, len(parts))
     members, priors = _flattened(parts, outer)
-    if gate not in COMBINE_GATES:
-        raise UsageError(f"gate: one of {', '.join(COMBINE_GATES)}, not {gate!r}.")
+    combine_gate(gate)
     if target is not None and not align:
         raise UsageError("target: the skills keep their own attractors.", hint="Add --align.")
     if align:
@@ -70,31 +62,17 @@ def combine(
     if lyapunov is not None:
         members = tuple(with_lyapunov(part, lyapunov) for part in members)
     if disturbance_distance is None:
-        disturbance_distance = DISTURBANCE_SHARE * min(_extent(part) for part in members)
+        disturbance_distance = DISTURBANCE_SHARE * min(extent(part.density) for part in members)
     elif not (math.isfinite(disturbance_distance) and disturbance_distance > 0):
         raise UsageError(f"disturbance distance: must be positive, got {disturbance_distance:g}.")
     return CombinedSkill(members, priors, gate, disturbance_distance)
 
 
-def _flattened(
-    parts: Sequence[Skill], priors: FloatArray
-) -> tuple[tuple[SedsSkill | MergedSkill, ...], FloatArray]:
+def _flattened(parts: Sequence[Skill], priors: FloatArray) -> tuple[tuple[ActingSkill, ...], FloatArray]:
     """Return the parts with combined skills replaced by their own parts, and the priors to go with them."""
-    members: list[SedsSkill | MergedSkill] = []
+    members: list[ActingSkill] = []
     weights: list[float] = []
     for part, prior in zip(parts, priors.tolist(), strict=True):
-        if isinstance(part, CombinedSkill):
-            members += [replace(inner, speed=inner.speed * part.speed) for inner in part.parts]
-            weights += (prior * part.part_priors).tolist()
-        else:
-            members.append(part)
-            weights.append(prior)
+        members += [inner.accelerated(part.outer_speed) for inner in part.acting_parts]
+        weights += (prior * part.part_priors).tolist() if isinstance(part, CombinedSkill) else [prior]
     return tuple(members), normalised("part priors", weights, len(weights))
-
-
-def _extent(part: SedsSkill | MergedSkill) -> float:
-    """Return the diagonal of the box two standard deviations around the part's data, in its unit."""
-    density = part.density
-    reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
-    return float(np.linalg.norm(high - low))

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import TypeVar, cast
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, frozen_array, require_spd
 from skillctl.compose.barrier import minimise_largest_eigenvalue
-from skillctl.errors import UsageError
-from skillctl.model.contraction import decay_rates
-from skillctl.model.skill import CombinedSkill, SedsSkill, Skill
+from skillctl.errors import InvalidModelError, UsageError
+from skillctl.model.lyapunov import QuadraticForm
+from skillctl.model.skill import AnySkill, Skill
 
-AnySkill = TypeVar("AnySkill", bound=Skill)
 ROUNDS = 3  # each search starts in the coordinates the one before has found
 
 
@@ -32,10 +30,7 @@ def with_lyapunov(skill: AnySkill, lyapunov: FloatArray) -> AnySkill:
         raise UsageError(
             f"lyapunov: expected {skill.dimension} x {skill.dimension} numbers, got {np.shape(lyapunov)}."
         )
-    if isinstance(skill, SedsSkill):
-        return cast("AnySkill", replace(skill, lyapunov=lyapunov))
-    parts = tuple(with_lyapunov(part, lyapunov) for part in skill.parts)
-    return cast("AnySkill", replace(skill, parts=parts))
+    return skill.with_leaves(lambda leaf: replace(leaf, lyapunov=lyapunov))
 
 
 def common_lyapunov(
@@ -88,18 +83,17 @@ def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatA
         period: Δt at which a P that has to be found shall prove steps, too, [s].
     """
     leaves = [leaf for part in parts for leaf in part.leaves]
-    first = leaves[0].lyapunov
-    if all((leaf.lyapunov == first).all() for leaf in leaves):
-        return first
+    first = leaves[0]
+    if all(leaf.form == first.form for leaf in leaves):
+        return first.lyapunov
     matrices = np.concatenate([acting_matrices(part) for part in parts])
     return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves], period=period)
 
 
 def acting_matrices(skill: Skill) -> FloatArray:
     """Return the matrices that act in a skill, every speed multiplied in. Shape (K, d, d), [1/s]."""
-    if not isinstance(skill, CombinedSkill):
-        return skill.component_matrices
-    return np.asarray(skill.speed * np.concatenate([part.component_matrices for part in skill.parts]))
+    matrices = [part.component_matrices for part in skill.acting_parts]
+    return np.asarray(skill.outer_speed * np.concatenate(matrices))
 
 
 def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
@@ -148,6 +142,6 @@ def _normalised(p: FloatArray) -> FloatArray:
 def _slowest(p: FloatArray, matrices: FloatArray, period: float) -> float:
     """Return the smallest decay rate that steps of the period leave, −inf if P is not positive definite."""
     try:
-        return float(decay_rates(p, matrices, period).min())
-    except np.linalg.LinAlgError:
+        return float(QuadraticForm(p).rates(matrices, period).min())
+    except (InvalidModelError, np.linalg.LinAlgError):
         return -np.inf

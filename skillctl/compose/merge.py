@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy.typing as npt
 
@@ -11,7 +11,9 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import conflicting_parts, with_lyapunov
 from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
 from skillctl.errors import FitError, UsageError
-from skillctl.model.skill import MERGE_GATES, CombinedSkill, MergedSkill, MergeGate, SedsSkill, Skill
+from skillctl.model.gates import gate_parameters, merge_gate
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import ActingSkill, Skill
 
 
 class NoCommonLyapunovError(FitError):
@@ -38,8 +40,8 @@ def merge(
     parts: Sequence[Skill],
     *,
     part_weights: npt.ArrayLike | None = None,
-    gate: MergeGate = "superposition",
-    sharpness: float = 1.0,
+    gate: str = "superposition",
+    parameters: Mapping[str, float] | None = None,
     speed: float = 1.0,
     target: npt.ArrayLike | None = None,
     lyapunov: FloatArray | None = None,
@@ -54,7 +56,7 @@ def merge(
         parts: Two or more SEDS or merged skills in one state space.
         part_weights: αᵢ > 0 up to a common factor, one per part; equal by default.
         gate: ``superposition`` (Eq. 7 and 8), ``density`` (Eq. 8 on densities) or ``experts`` (Eq. 9).
-        sharpness: γ ≥ 1 of ``experts``.
+        parameters: Of the gate, by name: γ ≥ 1, the ``sharpness`` of ``experts``; defaults where not given.
         speed: Factor on the velocity.
         target: Common attractor (d,); by default the weighted mean of the parts' attractors.
         lyapunov: Common P (d, d) for all parts; may be omitted where they share one already.
@@ -68,13 +70,13 @@ def merge(
     """
     members = common_members(parts, lyapunov)
     weights = normalised("part weights", part_weights, len(parts))
-    _require_options(gate, sharpness, speed)
-    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, sharpness, speed)
+    chosen = gate_parameters(merge_gate(gate), parameters or {})
+    if not 0 < speed < math.inf:
+        raise UsageError(f"speed: must be a positive number, got {speed:g}.")
+    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, speed, chosen)
 
 
-def common_members(
-    parts: Sequence[Skill], lyapunov: FloatArray | None
-) -> tuple[SedsSkill | MergedSkill, ...]:
+def common_members(parts: Sequence[Skill], lyapunov: FloatArray | None) -> tuple[ActingSkill, ...]:
     """Return the parts of a merger under one P: the given one (d, d), else the one they share.
 
     Raises:
@@ -85,26 +87,15 @@ def common_members(
     members = tuple(_mergeable(number, part) for number, part in enumerate(parts, start=1))
     if lyapunov is not None:
         return tuple(with_lyapunov(part, lyapunov) for part in members)
-    if any((part.lyapunov != members[0].lyapunov).any() for part in members):
+    if any(part.form != members[0].form for part in members):
         raise NoCommonLyapunovError(conflicting_parts(members))
     return members
 
 
-def _mergeable(number: int, part: Skill) -> SedsSkill | MergedSkill:
-    if isinstance(part, CombinedSkill):
+def _mergeable(number: int, part: Skill) -> ActingSkill:
+    if not isinstance(part, ActingSkill):
         raise UsageError(
             f"merge: skill {number} is a combined skill; only one of its parts acts at a time.",
             hint="Merge its parts first, then combine the results.",
         )
     return part
-
-
-def _require_options(gate: str, sharpness: float, speed: float) -> None:
-    if gate not in MERGE_GATES:
-        raise UsageError(f"gate: one of {', '.join(MERGE_GATES)}, not {gate!r}.")
-    if not (math.isfinite(sharpness) and sharpness >= 1):
-        raise UsageError(f"sharpness: must be at least 1, got {sharpness:g}.")
-    if sharpness != 1 and gate != "experts":
-        raise UsageError("sharpness: only the experts gate has one.", hint="Add --gate experts.")
-    if not (math.isfinite(speed) and speed > 0):
-        raise UsageError(f"speed: must be a positive number, got {speed:g}.")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import MergedSkill, SedsSkill, Skill, retargeted
+from skillctl.model.skill import ActingSkill, Skill, retargeted
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
@@ -62,15 +61,15 @@ def normalised(name: str, weights: npt.ArrayLike | None, count: int) -> FloatArr
 
 
 def on_one_attractor(
-    parts: Sequence[SedsSkill | MergedSkill], weights: FloatArray, target: npt.ArrayLike | None
-) -> tuple[SedsSkill | MergedSkill, ...]:
+    parts: Sequence[ActingSkill], weights: FloatArray, target: npt.ArrayLike | None
+) -> tuple[ActingSkill, ...]:
     """Return the parts moved to ``target`` (d,), or to the weighted mean of their attractors."""
     attractors = np.stack([part.attractor for part in parts])
     if target is None:
         # A mean of equal points may differ from them in its last bit; then nothing should move.
         together = bool((attractors == attractors[0]).all())
         target = attractors[0] if together else weights @ attractors
-    return tuple(cast("SedsSkill | MergedSkill", retargeted(part, target)) for part in parts)
+    return tuple(retargeted(part, target) for part in parts)
 
 
 def notes_on(parts: Sequence[Skill]) -> tuple[str, ...]:

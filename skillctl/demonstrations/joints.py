@@ -7,7 +7,7 @@ from pathlib import Path
 
 from skillctl.demonstrations.recording import column_indices, listed
 from skillctl.errors import InputDataError, printable
-from skillctl.model.demonstration import AXIS_NAMES
+from skillctl.model.space import AXIS_NAMES
 
 SEPARATORS = " _.:/-"  # between a joint and its axis, if anything
 MOST = 7  # columns that are taken for positions unasked: the joints of an arm

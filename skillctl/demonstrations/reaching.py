@@ -17,7 +17,8 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations.writing import DECIMALS
 from skillctl.errors import UsageError
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Euclidean
 
 SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
 HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]
@@ -92,7 +93,7 @@ def reaching_demonstrations(
         Demonstration.from_positions(times, positions, f"{place} {index}")
         for index, (times, positions) in enumerate(reaches, start=1)
     )
-    return DemonstrationSet(tuple(demonstrations), StateSpace.cartesian(3))
+    return DemonstrationSet(tuple(demonstrations), Euclidean.cartesian(3))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -14,7 +14,8 @@ from skillctl.demonstrations.files import read_bytes
 from skillctl.demonstrations.formats import FORMATS, recordings_in
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
 from skillctl.errors import InputDataError, UsageError
-from skillctl.model.demonstration import AXIS_NAMES, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.space import AXIS_NAMES, Euclidean
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ def read_demonstrations(
     chosen = _selected(recordings, select)
     names = _names(chosen)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in chosen]
-    space = StateSpace(names, unit="rad" if units == "rad" else "m", frame=frame)
+    space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(chosen, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))

@@ -12,7 +12,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import InputDataError, UsageError, printable
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.space import Euclidean
 
 Unit: TypeAlias = Literal["m", "mm", "rad"]
 
@@ -70,7 +70,7 @@ def default_names(dimension: int, unit: Unit) -> tuple[str, ...]:
     """Return x, y, z in Cartesian space and q1 … qd for joints."""
     if unit == "rad":
         return tuple(f"q{i + 1}" for i in range(dimension))
-    return StateSpace.cartesian(dimension).names
+    return Euclidean.cartesian(dimension).names
 
 
 def uniform_times(period: float, samples: int) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Any
 from skillctl.demonstrations.child import Child
 from skillctl.demonstrations.recording import Recording, column_indices, listed, uniform_times
 from skillctl.errors import InputDataError
-from skillctl.model.demonstration import AXIS_NAMES
+from skillctl.model.space import AXIS_NAMES
 
 POSITION = "robot0_eef_pos"  # the observation read unless others are chosen: the first hand, in metres
 

@@ -17,7 +17,7 @@ from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations import joints
 from skillctl.demonstrations.recording import GAPS, Recording, listed
 from skillctl.errors import InputDataError, printable
-from skillctl.model.demonstration import AXIS_NAMES
+from skillctl.model.space import AXIS_NAMES
 
 Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
 Block: TypeAlias = tuple[IntArray, FloatArray, list[str]]  # lines, numbers, values of the demo column

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.errors import StoreError
-from skillctl.model.demonstration import Demonstration, StateSpace
+from skillctl.model.demonstration import Demonstration
+from skillctl.model.space import Euclidean
 
 DECIMALS = 5  # 10 µm, 10 µs: finer than any recording
 
@@ -20,7 +21,7 @@ def write_csv(demonstration: Demonstration, path: Path) -> None:
     Raises:
         StoreError: The file cannot be written.
     """
-    names = StateSpace.cartesian(demonstration.dimension).names
+    names = Euclidean.cartesian(demonstration.dimension).names
     table = np.column_stack([demonstration.times, demonstration.positions])
     table = np.round(table, DECIMALS) + 0.0  # + 0.0 turns −0.0 into 0.0
     lines = [",".join(("t", *names))]

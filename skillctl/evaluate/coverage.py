@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.contraction import contraction_periods
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import CombinedSkill
+from skillctl.model.skill import contraction_period
 
 DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
@@ -170,11 +170,7 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
 
 def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: float) -> npt.NDArray[np.bool_]:
     """Return which motions are at the attractor of part ``index`` after ``DURATIONS`` demonstrations."""
-    periods = [
-        float(contraction_periods(part.lyapunov, skill.speed * part.component_matrices).min())
-        for part in skill.parts
-    ]
-    period = float(np.clip(0.5 * min(periods), longest / STEPS[1], longest / STEPS[0]))
+    period = float(np.clip(0.5 * contraction_period(skill), longest / STEPS[1], longest / STEPS[0]))
     result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
-    distances = np.linalg.norm(result.positions[:, -1, None] - skill.attractors, axis=2)
+    distances = np.linalg.norm(result.positions[:, -1, None] - skill.part_attractors, axis=2)
     return np.asarray(result.arrived & (distances[:, index] == distances.min(axis=1)))

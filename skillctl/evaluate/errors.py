@@ -11,7 +11,7 @@ import numpy as np
 from skillctl import metrics
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.store import DemonstrationReport
 
 STEPS_PER_DEMONSTRATION = 1000  # Euler's path error is then well below a thousandth of the motion's length

@@ -12,7 +12,7 @@ from skillctl.evaluate.errors import HeldOut, report_errors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.progress import Progress
 from skillctl.store import DemonstrationReport
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.mixture import softmax
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import CombinedSkill, MergedSkill, Skill, attractors_of
+from skillctl.model.skill import Skill
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact
 
@@ -81,7 +80,7 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
         for number, (prior, attractor, proof, share) in enumerate(
             zip(
                 skill.part_priors.tolist(),
-                skill.attractors.tolist(),
+                skill.part_attractors.tolist(),
                 certificate.parts,
                 shares,
                 strict=True,
@@ -108,21 +107,15 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     motion = rollout(skill, x[None], duration=STEPS * period, period=period)
     times, path = motion.trajectory(0)
     arrives = bool(motion.arrived[0])
-    goals = attractors_of(skill)
+    goals = skill.attractors
     nearest = int(np.linalg.norm(goals - path[-1], axis=1).argmin())
     return Place(
         position=tuple(x.tolist()),
-        part=int(skill.part_at(x[None])[0]) + 1 if isinstance(skill, CombinedSkill) else None,
-        weights=tuple(_weights(skill, x).tolist()),
+        part=int(skill.part_at(x[None])[0]) + 1 if skill.kind == "combined" else None,
+        weights=tuple(skill.part_weights_at(x[None])[0].tolist()),
         velocity=tuple(skill.velocity(x).tolist()),
         arrives=arrives,
         end=tuple(path[-1].tolist()),
         attractor=nearest + 1 if arrives else None,
         time=float(times[-1]),
     )
-
-
-def _weights(skill: Skill, position: FloatArray) -> FloatArray:
-    if isinstance(skill, CombinedSkill):
-        return softmax(skill.part_scores(position[None])[0][:, None])[:, 0]
-    return skill.part_gates(position[None])[0] if isinstance(skill, MergedSkill) else np.ones(1)

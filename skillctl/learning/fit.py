@@ -17,7 +17,7 @@ from skillctl.learning.preprocess import TrainingData, align, embedded, training
 from skillctl.learning.select import component_limit, select_components
 from skillctl.learning.solve import ProgressCallback, solve
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 

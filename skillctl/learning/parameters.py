@@ -9,9 +9,9 @@ from skillctl.errors import FitError
 from skillctl.learning.em import JointMixture
 from skillctl.learning.field import Field, gate_precisions, most_convex_gate, spread_root
 from skillctl.learning.preprocess import TrainingData
-from skillctl.model.demonstration import StateSpace
 from skillctl.model.mixture import GaussianMixture, quadratic_coefficients, quadratic_features, softmax
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Space
 
 SMALLEST_LOG_PRIOR = -600.0  # exp of it is still a normal float64 after normalisation
 VELOCITY_FLOOR = 1e-4  # smallest residual variance, in squared rms speeds
@@ -76,7 +76,7 @@ def skill_of(
     density: tuple[FloatArray, FloatArray, FloatArray],
     data: TrainingData,
     lyapunov: FloatArray,
-    space: StateSpace,
+    space: Space,
 ) -> SedsSkill:
     """Return the skill in the user's units.
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
+
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
-from skillctl.model.skill import CombinedSkill, Skill
+from skillctl.model.skill import Skill, contraction_period
+from skillctl.model.stepper import Step, Stepper
 
 
 class Controller:
@@ -16,44 +18,62 @@ class Controller:
     A latched combined skill needs memory: which part acts. It is chosen at the first step and again
     whenever the measured state lies more than the skill's ``disturbance_distance`` from where the last
     command should have led. All other skills need none.
+
+    Attributes:
+        skill: What is followed.
+        period: Time between two calls of ``step``, [s].
+        part: Index of the part that acted last; None before the first step.
     """
 
-    def __init__(self, skill: Skill, period: float) -> None:
-        """Args: skill; period: time between two calls of ``step``, [s]."""
-        if not (np.isfinite(period) and period > 0):
-            raise UsageError(f"period: must be a positive number of seconds, got {period!r}.")
-        self.skill = skill
-        self.period = period
-        self.part: int | None = None
-        self._expected: FloatArray | None = None
+    def __init__(self, skill: Skill, period: float, *, allow_unproved: bool = False) -> None:
+        """Args: skill; period: time between two calls of ``step``, [s]; allow_unproved: a longer period, too.
+
+        The period is held against the one at which every component contracts, which agrees with the
+        certificate's to one part in 10¹²; what is proved of the whole skill only ``verify`` says.
+
+        Raises:
+            UsageError: A period that is not positive, or longer than steps are known to contract for.
+        """
+        self._stepper = Stepper(skill, period)
+        longest = contraction_period(skill)
+        if period > longest and not allow_unproved:
+            proved = f"at most {longest:.3g} s is" if longest > 0 else "no period is"
+            raise UsageError(
+                f"period: {period:g} s is too long: {proved} proved for this skill.",
+                hint="Step it more often, learn it with a longer --period, or pass allow_unproved=True.",
+            )
+        self.skill, self.period = skill, period
+        self._last: Step | None = None
+
+    @property
+    def part(self) -> int | None:
+        """Index of the part that acted last; None before the first step."""
+        return None if self._last is None else int(self._last.parts)
 
     def reset(self) -> None:
         """Forget which part acts: the next step is a start."""
-        self.part, self._expected = None, None
+        self._last = None
 
-    def step(self, state: npt.ArrayLike, *, max_speed: float = np.inf) -> FloatArray:
+    def step(self, state: npt.ArrayLike, *, max_speed: float | None = None) -> FloatArray:
         """Return the velocity command for the measured state (d,), per second.
 
         Args:
             state: Where the robot is, shape (d,).
-            max_speed: The largest speed the robot will be given; a faster command is shortened to it. Said
-                here, a robot that falls behind an uncapped command is not mistaken for a disturbed one.
+            max_speed: The largest speed the robot will be given, per second; a faster command is shortened.
+                Told here, a robot that falls behind an uncapped command is not mistaken for a disturbed one.
+
+        Raises:
+            StateError: A state of another shape, or not finite; the controller is as before.
+            UsageError: A cap that is not positive and finite.
         """
-        x = np.asarray(state, dtype=np.float64)
-        if not isinstance(self.skill, CombinedSkill):
-            return _shortened(self.skill.velocity(x), max_speed)
-        if self.part is None or self.skill.gate == "instantaneous" or self._disturbed(x, self.skill):
-            self.part = int(self.skill.part_at(x[None])[0])
-        velocity = _shortened(self.skill.velocity(x, np.array([self.part])), max_speed)
-        self._expected = x + self.period * velocity
-        return velocity
+        x = self.skill.space.measured(state)
+        if max_speed is not None and not 0 < max_speed < math.inf:
+            raise UsageError(f"max_speed: must be a positive number, got {max_speed!r}.")
+        last = self._last
+        part = None if last is None or self._disturbed(x, last) else int(last.parts)
+        self._last = self._stepper.step(x, part, max_speed)
+        return self._last.command
 
-    def _disturbed(self, state: FloatArray, skill: CombinedSkill) -> bool:
-        if self._expected is None:
-            return False
-        return length(state - self._expected) > skill.disturbance_distance
-
-
-def _shortened(velocity: FloatArray, max_speed: float) -> FloatArray:
-    speed = length(velocity)
-    return velocity * (max_speed / speed) if speed > max_speed else velocity
+    def _disturbed(self, state: FloatArray, last: Step) -> bool:
+        jump = self.skill.space.difference(state, last.states)
+        return length(jump) > self.skill.disturbance_distance

@@ -4,48 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, frozen_array
+from skillctl.arrays import FloatArray, Frozen, frozen_array
 from skillctl.errors import InputDataError, InvalidModelError
-
-AXIS_NAMES = ("x", "y", "z")
-
-
-@dataclass(frozen=True, slots=True)
-class StateSpace:
-    """What the numbers of a state mean.
-
-    Attributes:
-        names: One name per dimension, as in the header of a table.
-        unit: Unit of a position, ``m`` (Cartesian) or ``rad`` (joints); velocities are per second.
-        frame: Frame in which positions are given, ``base`` unless the data says otherwise.
-        kind: ``euclidean``: distances between states are plain Euclidean distances.
-    """
-
-    names: tuple[str, ...]
-    unit: Literal["m", "rad"] = "m"
-    frame: str = "base"
-    kind: Literal["euclidean"] = "euclidean"
-
-    @property
-    def dimension(self) -> int:
-        """Number of coordinates of a state."""
-        return len(self.names)
-
-    @classmethod
-    def cartesian(cls, dimension: int) -> StateSpace:
-        """Return the space of positions x, y, z in metres (or q1 … qd beyond three dimensions)."""
-        if dimension <= len(AXIS_NAMES):
-            return cls(AXIS_NAMES[:dimension])
-        return cls(tuple(f"q{i + 1}" for i in range(dimension)))
+from skillctl.model.space import Space
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Demonstration:
+class Demonstration(Frozen):
     """One showing of a motion.
 
     Attributes:
@@ -114,11 +83,11 @@ class Demonstration:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class DemonstrationSet:
+class DemonstrationSet(Frozen):
     """Demonstrations of one motion, all in one state space; at least one."""
 
     demonstrations: tuple[Demonstration, ...]
-    space: StateSpace
+    space: Space
 
     def __post_init__(self) -> None:
         if not self.demonstrations:

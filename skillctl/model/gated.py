@@ -3,15 +3,55 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model.mixture import BLOCK, FARTHEST, quadratic_features, softmax
+from skillctl.model.mixture import BLOCK, FARTHEST, GaussianMixture, log_sum_exp, quadratic_features, softmax
 
 # Beyond these the largest logit is taken out before the gates are normalised: exp of them is far from 0 and
 # infinity, and so are sums.
 LOWEST_PEAK, HIGHEST_PEAK = -400.0, 400.0
+
+
+class Quadratics:
+    """K quadratic functions of ξ − o.
+
+    For one state, the features of ``quadratic_features`` would cost more to build than the functions cost to
+    evaluate, so the quadratic terms are kept as matrices, too: (Q (ξ − o) + l)ᵀ (ξ − o) + c is two products.
+
+    Args:
+        coefficients: In the quadratic features of ξ − o, shape (K, F).
+        origin: o, shape (d,).
+    """
+
+    __slots__ = ("_constants", "_linear", "_quadratic", "_shape", "coefficients", "origin")
+
+    def __init__(self, coefficients: FloatArray, origin: FloatArray) -> None:
+        k, d = len(coefficients), len(origin)
+        rows, columns = np.triu_indices(d)
+        quadratic = np.zeros((k, d, d))
+        quadratic[:, rows, columns] = coefficients[:, 1 + d :]
+        self.coefficients, self.origin = coefficients, origin
+        self._constants = coefficients[:, 0].copy()
+        self._linear = coefficients[:, 1 : 1 + d].ravel()
+        self._quadratic = quadratic.reshape(k * d, d)
+        self._shape = (k, d)
+
+    def at(self, offset: FloatArray) -> FloatArray:
+        """Return the values for one offset ξ − o (d,). Shape (K,)."""
+        if math.hypot(*offset.tolist()) > FARTHEST:  # squares would overflow
+            return np.asarray(self.many(offset[:, None])[:, 0])
+        slopes = self._quadratic.dot(offset)
+        slopes += self._linear
+        values: FloatArray = slopes.reshape(self._shape).dot(offset)
+        values += self._constants
+        return values
+
+    def many(self, offsets: FloatArray) -> FloatArray:
+        """Return the values for many offsets (d, n). Shape (K, n)."""
+        return np.asarray(self.coefficients @ quadratic_features(offsets))
 
 
 class GatedField:
@@ -28,43 +68,28 @@ class GatedField:
         origin: o, shape (d,).
     """
 
-    __slots__ = ("_coefficients", "_constants", "_linear", "_origin", "_quadratic", "_shape", "_table")
+    __slots__ = ("_table", "logits")
 
     def __init__(
         self, coefficients: FloatArray, peak: float, matrices: FloatArray, origin: FloatArray
     ) -> None:
-        k, d, _ = matrices.shape
-        rows, columns = np.triu_indices(d)
-        quadratic = np.zeros((k, d, d))
-        quadratic[:, rows, columns] = coefficients[:, 1 + d :]
-        self._origin = origin
-        coefficients = coefficients - peak * np.eye(1, coefficients.shape[1])
-        self._coefficients = coefficients
-        self._constants = coefficients[:, 0].copy()
-        self._linear = coefficients[:, 1 : 1 + d].ravel()
-        self._quadratic = quadratic.reshape(k * d, d)
-        self._table = np.vstack([matrices.reshape(k, d * d).T, np.ones(k)])  # the last row sums the gates
-        self._shape = (k, d)
+        self.logits = Quadratics(coefficients - peak * np.eye(1, coefficients.shape[1]), origin)
+        k = len(matrices)
+        self._table = np.vstack([matrices.reshape(k, -1).T, np.ones(k)])  # the last row sums the gates
 
     def gates(self, positions: FloatArray) -> FloatArray:
         """Return h for positions (n, d). Shape (n, K); rows sum to one at any distance."""
-        return softmax(self._coefficients @ quadratic_features(positions.T - self._origin[:, None])).T
+        return softmax(self.logits.many(positions.T - self.logits.origin[:, None])).T
 
     def velocity(self, position: FloatArray) -> FloatArray:
         """Return f for one state (d,)."""
-        k, d = self._shape
-        offset = position - self._origin
-        if math.hypot(*offset.tolist()) > FARTHEST:  # squares would overflow
-            return np.asarray(self.velocities(position[None])[0])
-        slopes = self._quadratic.dot(offset)
-        slopes += self._linear
-        logits = slopes.reshape(k, d).dot(offset)
-        logits += self._constants
+        offset = position - self.logits.origin
+        logits = self.logits.at(offset)
         peak = max(logits.tolist())  # twice as fast as NumPy's, for the few that there are
         if not LOWEST_PEAK < peak < HIGHEST_PEAK:  # far away, or huge numbers rounded
             logits -= peak
         mixed = self._table.dot(np.exp(logits))
-        velocity: FloatArray = mixed[:-1].reshape(d, d).dot(offset)
+        velocity: FloatArray = mixed[:-1].reshape(offset.size, -1).dot(offset)
         velocity /= mixed[-1]
         return velocity
 
@@ -73,7 +98,7 @@ class GatedField:
         n, d = positions.shape
         result = np.empty((n, d))
         for start in range(0, n, BLOCK):
-            offsets = positions[start : start + BLOCK].T - self._origin[:, None]
+            offsets = positions[start : start + BLOCK].T - self.logits.origin[:, None]
             mixed = self._table @ self._unnormalised(offsets)
             for i in range(d):
                 component = mixed[i * d] * offsets[0]
@@ -85,8 +110,81 @@ class GatedField:
 
     def _unnormalised(self, offsets: FloatArray) -> FloatArray:
         """Return gates for offsets (d, n) up to one positive factor per state. Shape (K, n)."""
-        logits = self._coefficients @ quadratic_features(offsets)
+        logits = self.logits.many(offsets)
         peaks = logits.max(axis=0)
         if peaks.min() > LOWEST_PEAK and peaks.max() < HIGHEST_PEAK:
             return np.asarray(np.exp(logits, out=logits))
         return softmax(logits)
+
+
+class StackedGates:
+    """The gates of several fields around one origin, evaluated together; each field's sum to one.
+
+    Args:
+        fields: From left to right; all with the same origin.
+    """
+
+    __slots__ = ("_blocks", "_same", "logits", "owners")
+
+    def __init__(self, fields: Sequence[GatedField]) -> None:
+        counts = [len(field.logits.coefficients) for field in fields]
+        coefficients = np.concatenate([field.logits.coefficients for field in fields])
+        self.logits = Quadratics(coefficients, fields[0].logits.origin)
+        self.owners, self._blocks = _blocks(counts)
+        self._same = (self.owners[:, None] == self.owners).astype(np.float64)  # sums each field's gates
+
+    def at(self, offset: FloatArray) -> FloatArray:
+        """Return all gates for one offset from the origin (d,), fields side by side. Shape (K,)."""
+        logits = self.logits.at(offset)
+        values = logits.tolist()
+        for start, end in self._blocks:
+            peak = max(values[start:end])
+            if not LOWEST_PEAK < peak < HIGHEST_PEAK:
+                logits[start:end] -= peak
+        gates = np.exp(logits)
+        gates /= self._same.dot(gates)
+        return gates
+
+    def many(self, offsets: FloatArray) -> FloatArray:
+        """Return all gates for many offsets (d, n), fields side by side. Shape (n, K)."""
+        logits = self.logits.many(offsets)
+        return np.concatenate([softmax(logits[start:end]) for start, end in self._blocks]).T
+
+
+class StackedDensities:
+    """The log densities of several mixtures, evaluated together for one state.
+
+    Args:
+        mixtures: From left to right.
+    """
+
+    __slots__ = ("_blocks", "_mixtures", "_quadratics")
+
+    def __init__(self, mixtures: Sequence[GaussianMixture]) -> None:
+        origin = np.mean([mixture.priors @ mixture.means for mixture in mixtures], axis=0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            coefficients = np.concatenate([mixture.coefficients(origin) for mixture in mixtures])
+        self._mixtures = tuple(mixtures)
+        self._quadratics = Quadratics(coefficients, origin)
+        _, self._blocks = _blocks([mixture.n_components for mixture in mixtures])
+
+    def at(self, position: FloatArray) -> FloatArray:
+        """Return log p of each mixture for one position (d,). Shape (mixtures,)."""
+        logs = self._quadratics.at(position - self._quadratics.origin)
+        values = logs.tolist()
+        peaks = [max(values[start:end]) for start, end in self._blocks]
+        sums = [
+            sum([math.exp(value - peak) for value in values[start:end]])
+            for peak, (start, end) in zip(peaks, self._blocks, strict=True)
+        ]
+        return np.array([peak + math.log(total) for peak, total in zip(peaks, sums, strict=True)])
+
+    def many(self, positions: FloatArray) -> FloatArray:
+        """Return log p of each mixture for many positions (n, d). Shape (mixtures, n)."""
+        return np.stack([log_sum_exp(mixture.log_joint(positions)) for mixture in self._mixtures])
+
+
+def _blocks(counts: Sequence[int]) -> tuple[np.typing.NDArray[np.int64], tuple[tuple[int, int], ...]]:
+    """Return the owner of each of Σ counts rows, and where each owner's rows begin and end."""
+    ends = np.cumsum(counts).tolist()
+    return np.repeat(np.arange(len(counts)), counts), tuple(zip([0, *ends[:-1]], ends, strict=True))

@@ -14,8 +14,8 @@ from skillctl.errors import UsageError
 if TYPE_CHECKING:
     from skillctl.arrays import FloatArray, IntArray
 
-# (h, owners, part weights, shares, parameters) -> h̃. h holds the weights of all components within their own
-# part, shape (n, K); owners the part of each component, shape (K,); shares() gives αᵢ pᵢ / Σⱼ αⱼ pⱼ, (n, parts).
+# (h, owners, weights, shares, parameters) -> h̃: h (n, K) holds the weights of all components within their own
+# part, owners (K,) the part of each component, and shares() gives αᵢ pᵢ / Σⱼ αⱼ pⱼ, shape (n, parts).
 Weighting = Callable[
     ["FloatArray", "IntArray", "FloatArray", Callable[[], "FloatArray"], Mapping[str, float]], "FloatArray"
 ]

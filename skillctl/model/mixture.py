@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, frozen_array, require_simplex, require_spd
+from skillctl.arrays import FloatArray, Frozen, frozen_array, require_simplex, require_spd
 from skillctl.errors import InvalidModelError
 
 BLOCK = 4096  # states evaluated together: their features and weights stay in the second-level cache
@@ -71,7 +71,7 @@ def log_sum_exp(logits: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class GaussianMixture:
+class GaussianMixture(Frozen):
     """K Gaussian components over d dimensions.
 
     Attributes:

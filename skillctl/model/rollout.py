@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, IntArray
+from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import CombinedSkill, Skill, attractors_of
+from skillctl.model.skill import Skill, extent
+from skillctl.model.stepper import Stepper
 
-ARRIVAL_DISTANCE = 1e-3  # in the unit of the space: 1 mm, or 1 mrad
+ARRIVAL_DISTANCE = 1e-3  # in the unit of the space: 1 mm, or 1 mrad; of a small motion
+ARRIVAL_SHARE = 0.02  # of its extent, if that is less
+MOST_STATES = 20_000  # kept of each trajectory; of a longer one every second, third, …
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,7 +34,7 @@ class Rollouts:
     parts: IntArray
 
     @property
-    def arrived(self) -> npt.NDArray[np.bool_]:
+    def arrived(self) -> BoolArray:
         """Whether each trajectory came within the arrival distance. Shape (n,)."""
         return np.isfinite(self.arrival_times)
 
@@ -42,26 +45,33 @@ class Rollouts:
         return self.times[:end], self.positions[index, :end]
 
 
+def arrival_distance_of(skill: Skill) -> float:
+    """Return how near to an attractor a motion has arrived, in the unit of the space."""
+    return min(ARRIVAL_DISTANCE, ARRIVAL_SHARE * extent(skill.density))
+
+
 def rollout(
     skill: Skill,
     starts: npt.ArrayLike,
     *,
     duration: float,
     period: float,
-    arrival_distance: float = ARRIVAL_DISTANCE,
+    arrival_distance: float | None = None,
     parts: IntArray | None = None,
 ) -> Rollouts:
-    """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would (ξ⁺ = ξ + Δt f).
+    """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would.
 
     A latched combined skill keeps, per trajectory, the part chosen at the start. Integration ends when
-    every trajectory has arrived, or after ``duration``.
+    every trajectory has arrived, or after ``duration``. However many steps that takes, at most
+    ``MOST_STATES`` states of each trajectory are kept.
 
     Args:
         skill: What to integrate.
         starts: Shape (n, d).
         duration: Longest time to integrate, [s].
         period: Step Δt, [s].
-        arrival_distance: Distance to the nearest attractor at which a trajectory has arrived.
+        arrival_distance: Distance to the nearest attractor at which a trajectory has arrived; by default
+            ``ARRIVAL_DISTANCE``, or ``ARRIVAL_SHARE`` of the extent of a small skill.
         parts: Which part of a latched combined skill acts on each trajectory, shape (n,), to go on with an
             earlier rollout. Default: the part that each start selects.
 
@@ -74,22 +84,24 @@ def rollout(
     if not (0 < period < np.inf and 0 < duration < np.inf):
         raise UsageError("period and duration: must be positive and finite.")
     steps = int(np.ceil(duration / period))
-    goals = attractors_of(skill)
+    every = -(-steps // MOST_STATES)
+    near_enough = arrival_distance_of(skill) if arrival_distance is None else arrival_distance
+    stepper, goals = Stepper(skill, period), skill.attractors
     if parts is None:
-        parts = skill.part_at(x) if isinstance(skill, CombinedSkill) else np.zeros(len(x), dtype=np.int64)
-    history = [x]
+        parts = skill.part_at(x)
+    kept, times = [x], [0.0]
     arrival = np.full(len(x), np.nan)
     for step in range(steps + 1):
-        near = np.linalg.norm(x[:, None] - goals, axis=2).min(axis=1) < arrival_distance
+        near = skill.space.distance(x[:, None], goals).min(axis=1) < near_enough
         arrival[near & np.isnan(arrival)] = step * period
         if step == steps or np.isfinite(arrival).all():
             break
-        if isinstance(skill, CombinedSkill):
-            if skill.gate == "instantaneous":
-                parts = skill.part_at(x)
-            x = x + period * skill.velocity(x, parts)
-        else:
-            x = x + period * skill.velocity(x)
-        history.append(x)
-    times = period * np.arange(len(history), dtype=np.float64)
-    return Rollouts(times, np.stack(history, axis=1), arrival, parts)
+        stepped = stepper.step_many(x, parts)
+        x, parts = stepped.states, np.asarray(stepped.parts)
+        if (step + 1) % every == 0 or step + 1 == steps:
+            kept.append(x)
+            times.append((step + 1) * period)
+    if times[-1] < (last := step * period):  # all arrived between two states that would be kept
+        kept.append(x)
+        times.append(last)
+    return Rollouts(np.array(times), np.stack(kept, axis=1), arrival, parts)

@@ -1,351 +1,273 @@
-"""The skill tree: a SEDS skill, several merged into one, several combined region by region."""
+"""What every skill can do, whatever its kind; a skill is learned, merged or combined."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, IntArray, frozen_array, require_simplex, require_spd
+from skillctl.arrays import FloatArray, IntArray, require_positive
 from skillctl.errors import InvalidModelError, UsageError
-from skillctl.model.demonstration import StateSpace
-from skillctl.model.gated import GatedField
-from skillctl.model.mixture import BLOCK, GaussianMixture, softmax
+from skillctl.model.coordinates.chain import Chain
+from skillctl.model.lyapunov import QuadraticForm
+from skillctl.model.mixture import GaussianMixture
+from skillctl.model.space import Space
 
-MergeGate: TypeAlias = Literal["superposition", "density", "experts"]
-CombineGate: TypeAlias = Literal["latched", "instantaneous"]
-MERGE_GATES: tuple[MergeGate, ...] = ("superposition", "density", "experts")
-COMBINE_GATES: tuple[CombineGate, ...] = ("latched", "instantaneous")
+if TYPE_CHECKING:
+    from skillctl.model.seds import SedsSkill
+
+Kind: TypeAlias = Literal["seds", "merged", "combined"]
+AnySkill = TypeVar("AnySkill", bound="Skill")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SedsSkill:
-    r"""A stable dynamical system learned from demonstrations: ξ̇ = α Σₖ hₖ(ξ) Aₖ (ξ − ξ*).
-
-    hₖ(ξ) = πₖ N(ξ; μₖ, Σₖ) / Σⱼ πⱼ N(ξ; μⱼ, Σⱼ). The class holds whatever matrices it is given;
-    whether they are stable is decided by ``skillctl.stability``, never assumed here.
+class Skill(ABC):
+    """A motion ξ̇ = f(ξ). Only reading, writing and messages ask for its kind.
 
     Attributes:
-        priors, means, covariances: πₖ (K,), μₖ (K, d), Σₖ (K, d, d) of the gates hₖ.
-        system_matrices: Aₖ, shape (K, d, d), [1/s].
-        residual_covariances: Cₖ of the velocity around Aₖ(ξ − ξ*), shape (K, d, d).
-        attractor: ξ*, shape (d,).
-        lyapunov: P ≻ 0 of V = (ξ − ξ*)ᵀ P (ξ − ξ*), shape (d, d).
-        density: Position density p(ξ) of the demonstrations: where the skill knows what it is doing.
-        space: Names, unit and frame of the state.
+        kind: ``seds`` (learned), ``merged`` or ``combined``.
+        space: What a state is.
+        parts: The skills this one is made of; none of a learned one.
+        shares: Weight or prior of each part, summing to one. Shape (number of parts,).
+        gate: How the parts act together; empty for a learned skill.
+        parameters: Of the gate, by name.
         speed: α > 0, a factor on all velocities.
-
-    References:
-        Eq. 3–5 of the paper; Aₖ is stored rather than derived from a joint covariance, so that what is
-        proved is what is executed (ours).
+        density: Position density of all that the skill was taught.
+        acting_parts: The parts of which one acts at a time; the skill itself unless it is combined.
+        outer_speed: Factor on the velocity of each acting part.
+        reselects: Whether the acting part is chosen at every instant.
+        disturbance_distance: A jump of the state by more than this selects the acting part again.
+        attractors: Every state at which the skill can come to rest, shape (n, d); one unless multi-stable.
+        leaves: The learned skills this one is made of, from left to right.
     """
-
-    priors: FloatArray
-    means: FloatArray
-    covariances: FloatArray
-    system_matrices: FloatArray
-    residual_covariances: FloatArray
-    attractor: FloatArray
-    lyapunov: FloatArray
-    density: GaussianMixture
-    space: StateSpace
-    speed: float = 1.0
-    _field: GatedField = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        k, d = frozen_array("means", self.means, (None, None)).shape
-        shapes = {
-            "priors": (k,),
-            "means": (k, d),
-            "covariances": (k, d, d),
-            "system_matrices": (k, d, d),
-            "residual_covariances": (k, d, d),
-            "attractor": (d,),
-            "lyapunov": (d, d),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), shape))
-        require_spd("residual_covariances", self.residual_covariances)
-        require_spd("lyapunov", self.lyapunov)
-        _require_speed(self.speed, self.system_matrices)
-        if self.density.dimension != d or self.space.dimension != d:
-            raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
-        gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
-        coefficients, peak = gates.coefficients(self.attractor), float(gates.log_peaks.max())
-        with np.errstate(over="ignore", invalid="ignore"):
-            known = self.density.log_density(self.attractor[None])
-        if not np.isfinite(known).all():
-            raise InvalidModelError("density: too large or too small to compute with.")
-        compiled = GatedField(coefficients, peak, self.component_matrices, self.attractor)
-        object.__setattr__(self, "_field", compiled)
-
-    @property
-    def dimension(self) -> int:
-        """Number of coordinates of a state, d."""
-        return int(self.means.shape[1])
-
-    @property
-    def n_components(self) -> int:
-        """Number of components, K."""
-        return int(self.means.shape[0])
-
-    @property
-    def component_matrices(self) -> FloatArray:
-        """The matrices that act: α Aₖ, shape (K, d, d), [1/s]."""
-        return self.speed * self.system_matrices
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The SEDS skills this one is made of: itself."""
-        return (self,)
-
-    def responsibilities(self, positions: FloatArray) -> FloatArray:
-        """Return hₖ(ξ) for positions (n, d). Shape (n, K); rows sum to one at any distance."""
-        return self._field.gates(np.asarray(positions, dtype=np.float64))
-
-    def velocity(self, positions: npt.ArrayLike) -> FloatArray:
-        """Return ξ̇ = f(ξ) for one state (d,) or many (n, d), in the same shape, per second."""
-        x = np.asarray(positions, dtype=np.float64)
-        return self._field.velocity(x) if x.ndim == 1 else self._field.velocities(x)
-
-    def translated(self, offset: FloatArray) -> SedsSkill:
-        """Return the same motion, moved by ``offset`` (d,): attractor and all means move together."""
-        return replace(
-            self,
-            means=self.means + offset,
-            attractor=self.attractor + offset,
-            density=self.density.translated(offset),
-        )
-
-
-class _Tree:
-    """What all skills made of parts have in common."""
 
     __slots__ = ()
-    parts: tuple[SedsSkill | MergedSkill, ...]
+    kind: ClassVar[Kind]
+
+    if (
+        TYPE_CHECKING
+    ):  # fields of some kinds, and properties of others: dataclasses would take them for defaults
+
+        @property
+        def space(self) -> Space: ...  # noqa: D102
+        @property
+        def parts(self) -> tuple[ActingSkill, ...]: ...  # noqa: D102
+        @property
+        def shares(self) -> FloatArray: ...  # noqa: D102
+        @property
+        def gate(self) -> str: ...  # noqa: D102
+        @property
+        def parameters(self) -> Mapping[str, float]: ...  # noqa: D102
+        @property
+        def speed(self) -> float: ...  # noqa: D102
+        @property
+        def density(self) -> GaussianMixture: ...  # noqa: D102
+        @property
+        def acting_parts(self) -> tuple[ActingSkill, ...]: ...  # noqa: D102
+        @property
+        def outer_speed(self) -> float: ...  # noqa: D102
+        @property
+        def reselects(self) -> bool: ...  # noqa: D102
+        @property
+        def disturbance_distance(self) -> float: ...  # noqa: D102
+        @property
+        def attractors(self) -> FloatArray: ...  # noqa: D102
+        @property
+        def leaves(self) -> tuple[SedsSkill, ...]: ...  # noqa: D102
 
     @property
     def dimension(self) -> int:
         """Number of coordinates of a state, d."""
-        return self.parts[0].dimension
+        return self.space.dimension
 
     @property
     def n_components(self) -> int:
-        """Number of components of all parts together."""
-        return sum(part.n_components for part in self.parts)
+        """Number of components of all leaves together."""
+        return sum(len(leaf.priors) for leaf in self.leaves)
 
-    @property
-    def space(self) -> StateSpace:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
+    def velocity(self, states: npt.ArrayLike, parts: IntArray | int | None = None) -> FloatArray:
+        """Return ξ̇ = f(ξ) for one state (d,) or many (n, d), in the same shape, per second.
 
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The SEDS skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
+        Args:
+            states: State or states.
+            parts: Index of the acting part, one for all or one for each state. Default: the part of the
+                state's region, as at the start of a latched skill, and always for an instantaneous one.
 
+        Raises:
+            StateError: Not numbers, or of another dimension.
+        """
+        x = self.space.states(states)
+        if x.ndim == 2:
+            return self._velocities(x, None if parts is None else np.broadcast_to(parts, len(x)))
+        return self.velocity_at(x, None if parts is None else int(np.ravel(parts)[0]))
 
-@dataclass(frozen=True, eq=False, slots=True)
-class MergedSkill(_Tree):
-    """Several skills acting together on one attractor, with one common Lyapunov matrix.
+    @abstractmethod
+    def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
+        """Return ξ̇ for one state (d,), which is not checked: what a control loop calls."""
 
-    ξ̇ = α Σᵢ Σₖ h̃ₖⁱ(ξ) Aₖⁱ (ξ − ξ*), where h̃ ≥ 0 sums to one over all components:
+    @abstractmethod
+    def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
+        """Return ξ̇ for many states (n, d)."""
 
-    - ``superposition``: h̃ = αᵢ hₖⁱ (Eq. 7 and 8);
-    - ``density``: h̃ = αᵢ pᵢ / Σⱼ αⱼ pⱼ · hₖⁱ (Eq. 8 read as densities);
-    - ``experts``: h̃ = αᵢ (hₖⁱ)^γ / Σⱼ Σₗ αⱼ (hₗʲ)^γ (Eq. 9), γ = sharpness ≥ 1.
+    @abstractmethod
+    def part_at(self, states: npt.ArrayLike) -> IntArray:
+        """Return the index of the acting part whose region each state (n, d) lies in. Shape (n,)."""
 
-    Attributes:
-        parts: SEDS or merged skills with equal attractor, Lyapunov matrix and space.
-        part_weights: αᵢ > 0, summing to one. Shape (number of parts,).
-        gate, sharpness: See above; sharpness matters to ``experts`` alone.
-        speed: α > 0, a factor on all velocities.
-    """
+    @abstractmethod
+    def part_weights_at(self, states: FloatArray) -> FloatArray:
+        """Return each part's share of the motion, or of the regions, at states (n, d). Shape (n, parts)."""
 
-    parts: tuple[SedsSkill | MergedSkill, ...]
-    part_weights: FloatArray
-    gate: MergeGate = "superposition"
-    sharpness: float = 1.0
-    speed: float = 1.0
-    density: GaussianMixture = field(init=False, repr=False)
-    _matrices: FloatArray = field(init=False, repr=False)
+    @abstractmethod
+    def translated(self: AnySkill, offset: FloatArray) -> AnySkill:
+        """Return the same motion, moved by ``offset`` (d,): attractors and means move together."""
 
-    def __post_init__(self) -> None:
-        _require_parts(self.parts, (SedsSkill, MergedSkill))
-        weights = frozen_array("part_weights", self.part_weights, (len(self.parts),))
-        require_simplex("part_weights", weights)
-        object.__setattr__(self, "part_weights", weights)
-        if self.gate not in MERGE_GATES:
-            raise InvalidModelError(f"gate: one of {', '.join(MERGE_GATES)}, not {self.gate!r}.")
-        for part in self.parts:
-            _require_speed(self.speed, part.component_matrices)
-        if not (np.isfinite(self.sharpness) and self.sharpness >= 1):
-            raise InvalidModelError("sharpness: must be at least 1.")
-        first = self.parts[0]
-        for part in self.parts[1:]:
-            if (part.attractor != first.attractor).any() or (part.lyapunov != first.lyapunov).any():
-                raise InvalidModelError("parts: must share one attractor and one Lyapunov matrix.")
-        d = self.dimension
-        object.__setattr__(self, "density", _joined_density(self.parts, weights))
-        object.__setattr__(self, "_matrices", self.component_matrices.reshape(-1, d * d))
-
-    @property
-    def attractor(self) -> FloatArray:
-        """ξ*, shape (d,)."""
-        return self.parts[0].attractor
-
-    @property
-    def lyapunov(self) -> FloatArray:
-        """The common P, shape (d, d)."""
-        return self.parts[0].lyapunov
-
-    @property
-    def component_matrices(self) -> FloatArray:
-        """The matrices that act, with every speed on the way multiplied in. Shape (K, d, d), [1/s]."""
-        return self.speed * np.concatenate([part.component_matrices for part in self.parts])
-
-    def responsibilities(self, positions: FloatArray) -> FloatArray:
-        """Return h̃ for positions (n, d), parts side by side. Shape (n, K); rows sum to one."""
-        x = np.asarray(positions, dtype=np.float64)
-        within = [part.responsibilities(x) for part in self.parts]
-        if self.gate == "experts":
-            joined = np.hstack(within)
-            # Relative to the largest, so that no sharpness makes all powers vanish.
-            powers = (joined / joined.max(axis=1, keepdims=True)) ** self.sharpness
-            powers *= np.repeat(self.part_weights, [part.n_components for part in self.parts])
-            return np.asarray(powers / powers.sum(axis=1, keepdims=True))
-        return np.hstack([g[:, None] * h for g, h in zip(self.part_gates(x).T, within, strict=True)])
-
-    def part_gates(self, positions: FloatArray) -> FloatArray:
-        """Return each part's share of the motion (its components' weights summed). Shape (n, parts)."""
-        if self.gate == "superposition":
-            return np.tile(self.part_weights, (len(positions), 1))
-        if self.gate == "density":
-            scores = np.stack([part.density.log_density(positions) for part in self.parts])
-            return softmax(scores + np.log(self.part_weights)[:, None]).T
-        starts = np.cumsum([0] + [part.n_components for part in self.parts[:-1]])
-        return np.asarray(np.add.reduceat(self.responsibilities(positions), starts, axis=1))
-
-    def velocity(self, positions: npt.ArrayLike) -> FloatArray:
-        """Return ξ̇ = f(ξ) for one state (d,) or many (n, d), in the same shape, per second."""
-        x = np.asarray(positions, dtype=np.float64)
-        if x.ndim == 1:
-            return np.asarray(self.velocity(x[None])[0])
-        velocities = np.empty_like(x)
-        for start in range(0, len(x), BLOCK):
-            block = x[start : start + BLOCK]
-            matrices = (self.responsibilities(block) @ self._matrices).reshape(-1, *[self.dimension] * 2)
-            velocities[start : start + BLOCK] = np.einsum("nij,nj->ni", matrices, block - self.attractor)
-        return velocities
-
-    def translated(self, offset: FloatArray) -> MergedSkill:
-        """Return the same motion, moved by ``offset`` (d,)."""
-        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))
+    @abstractmethod
+    def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
+        """Return the same tree with every leaf changed, from left to right."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CombinedSkill(_Tree):
-    """Several skills of which one alone acts at any time (Section 3.2).
+AnyActing = TypeVar("AnyActing", bound="ActingSkill")
 
-    Part i = argmax_j (log βⱼ + log pⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
-    jumps by more than ``disturbance_distance`` from where the last command should have led (the
-    ``Controller`` owns that memory). ``instantaneous``: chosen anew at every instant.
+
+class ActingSkill(Skill):
+    """A skill with one attractor and one V: learned, or merged; what can be a part of a combined skill.
+
+    It moves y = c(ξ) by a mixture of linear systems, ẏ = Σₖ h̃ₖ(y) Aₖ (y − y*), y* = c(ξ*).
 
     Attributes:
-        parts: SEDS or merged skills of one space; attractors may differ (multi-stable) or agree (aligned).
-        part_priors: βᵢ > 0, summing to one. Shape (number of parts,).
-        gate: See above.
-        disturbance_distance: In the unit of the space.
-        speed: α > 0, a factor on all velocities.
+        attractor: ξ*, shape (d,).
+        lyapunov: P of V = (y − y*)ᵀ P (y − y*), shape (d, d).
+        form: V itself.
+        coordinates: c.
+        component_matrices: The matrices that act, every speed multiplied in. Shape (K, d, d), [1/s].
     """
 
-    parts: tuple[SedsSkill | MergedSkill, ...]
-    part_priors: FloatArray
-    gate: CombineGate = "latched"
-    disturbance_distance: float = 0.02
-    speed: float = 1.0
+    __slots__ = ()
 
-    def __post_init__(self) -> None:
-        _require_parts(self.parts, (SedsSkill, MergedSkill))
-        priors = frozen_array("part_priors", self.part_priors, (len(self.parts),))
-        require_simplex("part_priors", priors)
-        object.__setattr__(self, "part_priors", priors)
-        if self.gate not in COMBINE_GATES:
-            raise InvalidModelError(f"gate: one of {', '.join(COMBINE_GATES)}, not {self.gate!r}.")
-        for part in self.parts:
-            _require_speed(self.speed, part.component_matrices)
-        _require_positive("disturbance_distance", self.disturbance_distance)
+    if TYPE_CHECKING:
+
+        @property
+        def attractor(self) -> FloatArray: ...  # noqa: D102
+        @property
+        def lyapunov(self) -> FloatArray: ...  # noqa: D102
+        @property
+        def form(self) -> QuadraticForm: ...  # noqa: D102
+        @property
+        def coordinates(self) -> Chain: ...  # noqa: D102
+        @property
+        def component_matrices(self) -> FloatArray: ...  # noqa: D102
+
+    @abstractmethod
+    def responsibilities(self, positions: npt.ArrayLike) -> FloatArray:
+        """Return h̃ for positions (n, d). Shape (n, K); rows sum to one at any distance."""
+
+    @abstractmethod
+    def mixed(self, h: FloatArray, y: FloatArray) -> FloatArray:
+        """Return h̃ of all components from their weights within their own leaf.
+
+        Args:
+            h: Leaves side by side, shape (..., K).
+            y: Where, shape (..., d): one or many.
+        """
+
+    @abstractmethod
+    def _moved_at(self, y: FloatArray) -> FloatArray:
+        """Return ẏ for one y (d,)."""
+
+    @abstractmethod
+    def _moved(self, y: FloatArray) -> FloatArray:
+        """Return ẏ for many y (n, d)."""
+
+    @property
+    def acting_parts(self) -> tuple[ActingSkill, ...]:
+        """The skill itself: nothing else ever acts."""
+        return (self,)
+
+    @property
+    def outer_speed(self) -> float:
+        """One: the skill's own speed is in ``component_matrices``."""
+        return 1.0
+
+    @property
+    def reselects(self) -> bool:
+        """False: there is nothing to select."""
+        return False
+
+    @property
+    def disturbance_distance(self) -> float:
+        """Infinite: no jump changes what acts."""
+        return float("inf")
 
     @property
     def attractors(self) -> FloatArray:
-        """The attractor of each part. Shape (number of parts, d)."""
-        return np.stack([part.attractor for part in self.parts])
+        """The one attractor. Shape (1, d)."""
+        return self.attractor[None]
 
-    @property
-    def aligned(self) -> bool:
-        """Whether all parts share one attractor."""
-        return bool((self.attractors == self.attractors[0]).all())
+    def part_at(self, states: npt.ArrayLike) -> IntArray:
+        """Return 0 for each state (n, d). Shape (n,)."""
+        return np.zeros(len(self.space.states(states)), dtype=np.int64)
 
-    def part_scores(self, positions: FloatArray) -> FloatArray:
-        """Return log βᵢ + log pᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
-        scores = np.stack([part.density.log_density(positions) for part in self.parts], axis=1)
-        return np.asarray(scores + np.log(self.part_priors))
+    def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
+        """Return ξ̇ for one state (d,), which is not checked."""
+        if not self.coordinates.links:
+            return self._moved_at(state)
+        return np.asarray(self._velocities(state[None], None)[0])
 
-    def part_at(self, positions: npt.ArrayLike) -> IntArray:
-        """Return the index of the part whose region each position (n, d) lies in. Shape (n,)."""
-        scores = self.part_scores(np.asarray(positions, dtype=np.float64))
-        return np.asarray(np.argmax(scores, axis=1), dtype=np.int64)
+    def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
+        if not self.coordinates.links:
+            return self._moved(states)
+        y = self.coordinates.forward(states)
+        return self.coordinates.pull_back(y, self._moved(y))
 
-    def velocity(self, positions: npt.ArrayLike, parts: IntArray | None = None) -> FloatArray:
-        """Return ξ̇ for one state (d,) or many (n, d), per second.
+    @abstractmethod
+    def accelerated(self: AnyActing, factor: float) -> AnyActing:
+        """Return the same motion, faster by a positive factor."""
+
+    def advanced(self, states: FloatArray, durations: FloatArray | float) -> FloatArray:
+        """Return where states (n, d) are after one step y⁺ = y + Δt ẏ; V falls at every step that is proved.
 
         Args:
-            positions: State or states.
-            parts: Which part acts on each state, shape (n,). Default: the part of the state's region,
-                which is what a latched skill does at a start, and an instantaneous one always.
+            states: ξ.
+            durations: Δt of each step, a number or of shape (n, 1), [s].
         """
-        x = np.asarray(positions, dtype=np.float64)
-        if x.ndim == 1:
-            return np.asarray(self.velocity(x[None], parts)[0])
-        chosen = self.part_at(x) if parts is None else parts
-        velocities = np.empty_like(x)
-        for index in np.unique(chosen):
-            mask = chosen == index
-            velocities[mask] = self.speed * self.parts[index].velocity(x[mask])
-        return velocities
+        y = self.coordinates.forward(states)
+        return self.coordinates.back(y + durations * self._moved(y))
 
-    def translated(self, offset: FloatArray) -> CombinedSkill:
-        """Return the same motion, moved by ``offset`` (d,): all attractors move together."""
-        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))
+    def v_distance(self, states: FloatArray) -> FloatArray:
+        """Return √V for states (n, d). Shape (n,)."""
+        goal = self.coordinates.forward(self.attractors)
+        return self.form.distance(self.coordinates.forward(states) - goal)
 
 
-Skill: TypeAlias = SedsSkill | MergedSkill | CombinedSkill
+def contraction_period(skill: Skill) -> float:
+    """Return the longest controller period at which every acting part still contracts, [s]: an estimate.
+
+    Zero where some part does not contract at all. ``skillctl.stability`` proves what this estimates.
+    """
+    return min(
+        float(part.form.periods(skill.outer_speed * part.component_matrices).min())
+        for part in skill.acting_parts
+    )
 
 
-def attractors_of(skill: Skill) -> FloatArray:
-    """Return every state at which the skill can come to rest. Shape (n, d); one row unless multi-stable."""
-    if isinstance(skill, CombinedSkill):
-        return skill.attractors[:1] if skill.aligned else skill.attractors
-    return skill.attractor[None]
+def extent(density: GaussianMixture) -> float:
+    """Return the diagonal of the box two standard deviations around the data of a density, in its unit."""
+    reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
+    low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
+    return float(np.linalg.norm(high - low))
 
 
-def density_of(skill: Skill) -> GaussianMixture:
-    """Return the position density of all that the skill was taught."""
-    if isinstance(skill, CombinedSkill):
-        return _joined_density(skill.parts, skill.part_priors)
-    return skill.density
-
-
-def retargeted(skill: Skill, target: npt.ArrayLike) -> Skill:
+def retargeted(skill: AnySkill, target: npt.ArrayLike) -> AnySkill:
     """Return the same motion towards ``target`` (d,); all guarantees stay (theory: the motion is relative).
 
     Raises:
         UsageError: Wrong number of coordinates, not finite, or a skill with several attractors.
     """
     goal = np.asarray(target, dtype=np.float64)
-    attractors = attractors_of(skill)
+    attractors = skill.attractors
     if goal.shape != (skill.dimension,) or not np.isfinite(goal).all():
         raise UsageError(f"target: expected {skill.dimension} finite numbers, got {np.size(goal)}.")
     if len(attractors) > 1:
@@ -353,18 +275,12 @@ def retargeted(skill: Skill, target: npt.ArrayLike) -> Skill:
             f"this skill has {len(attractors)} attractors; it cannot be moved to one target.",
             hint="Combine its parts with --align to give them one target.",
         )
-    return _with_attractor(skill.translated(goal - attractors[0]), goal)
+    # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
+    return skill.translated(goal - attractors[0]).with_leaves(lambda leaf: replace(leaf, attractor=goal))
 
 
-def _with_attractor(skill: Skill, attractor: FloatArray) -> Skill:
-    """Set the attractor exactly: ξ* + (target − ξ*) may differ from the target in its last bit."""
-    if isinstance(skill, SedsSkill):
-        return replace(skill, attractor=attractor)
-    parts = tuple(_with_attractor(part, attractor) for part in skill.parts)
-    return replace(skill, parts=parts)  # type: ignore[arg-type]
-
-
-def _joined_density(parts: tuple[SedsSkill | MergedSkill, ...], weights: FloatArray) -> GaussianMixture:
+def joined_density(parts: Sequence[Skill], weights: FloatArray) -> GaussianMixture:
+    """Return the mixture of the parts' position densities with weights (number of parts,)."""
     priors = np.concatenate([w * part.density.priors for w, part in zip(weights, parts, strict=True)])
     return GaussianMixture(
         priors / priors.sum(),
@@ -373,23 +289,21 @@ def _joined_density(parts: tuple[SedsSkill | MergedSkill, ...], weights: FloatAr
     )
 
 
-def _require_parts(parts: tuple[Skill, ...], kinds: tuple[type, ...]) -> None:
+def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:
+    """Raise InvalidModelError unless there are parts, each with one attractor, all in one space."""
     if not parts:
         raise InvalidModelError("parts: at least one is needed.")
     for part in parts:
-        if not isinstance(part, kinds):
+        if not isinstance(part, ActingSkill):
             raise InvalidModelError("parts: a combined skill cannot be a part of another skill.")
         if part.space != parts[0].space:
             raise InvalidModelError(f"parts: state spaces differ ({part.space} and {parts[0].space}).")
+        require_speed(speed, part.component_matrices)
 
 
-def _require_speed(speed: float, matrices: FloatArray) -> None:
-    _require_positive("speed", speed)
+def require_speed(speed: float, matrices: FloatArray) -> None:
+    """Raise InvalidModelError unless a speed is positive, and matrices times it are within float64."""
+    require_positive("speed", speed)
     with np.errstate(over="ignore"):
         if not np.isfinite(speed * matrices).all():
             raise InvalidModelError(f"speed: {speed!r} times the system matrices is beyond float64.")
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InvalidModelError(f"{name}: must be a positive number, got {value!r}.")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.plotting.portrait import Motion
 
 
@@ -35,10 +35,10 @@ def decay(skill: Skill, positions: FloatArray) -> FloatArray:
     negative where V grows; NaN at the attractor, where neither moves.
     """
     rates = np.empty(len(positions))
-    acting = skill.part_at(positions) if isinstance(skill, CombinedSkill) else np.zeros(len(positions))
+    acting = skill.part_at(positions)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         velocities = skill.velocity(positions)
-        for index, part in enumerate(_members(skill)):
+        for index, part in enumerate(skill.acting_parts):
             mask = acting == index
             offsets = positions[mask] - part.attractor
             pulled = offsets @ part.lyapunov
@@ -49,10 +49,4 @@ def decay(skill: Skill, positions: FloatArray) -> FloatArray:
 
 def distances(skill: Skill, motion: Motion) -> FloatArray:
     """Return ‖ξ − ξ*‖_P along a motion, in the norm of the part that acted at its end. Shape (T,)."""
-    part = _members(skill)[motion.part]
-    offsets = motion.positions - part.attractor
-    return np.asarray(np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets)))
-
-
-def _members(skill: Skill) -> tuple[SedsSkill | MergedSkill, ...]:
-    return skill.parts if isinstance(skill, CombinedSkill) else (skill,)
+    return skill.acting_parts[motion.part].v_distance(motion.positions)

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from skillctl.arrays import FloatArray
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill
 from skillctl.plotting.flow import draw_flow, grid
 from skillctl.plotting.portrait import Motion, Portrait, Scale
 from skillctl.plotting.style import (
@@ -138,7 +138,7 @@ def draw_motions(axes: Axes, motions: Sequence[Motion], pair: tuple[int, int], s
 def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
     """Draw the ellipses of the position densities, seen in two coordinates."""
     several = isinstance(portrait.skill, CombinedSkill)
-    for index, part in enumerate(portrait.members):
+    for index, part in enumerate(portrait.skill.acting_parts):
         colour = PARTS[index % len(PARTS)] if several else DENSITY
         # Parts made from one skill have ellipses in common; dashes leave the one below in sight.
         dash = (0, (3, 3)) if index else "-"
@@ -201,8 +201,8 @@ def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
     skill = portrait.skill
     acting = skill.part_at(places) if isinstance(skill, CombinedSkill) else np.zeros(len(places), np.int64)
-    shared = all(_same_distance(part, portrait.members[0]) for part in portrait.members)
-    for index, part in enumerate(portrait.members[: 1 if shared else None]):
+    shared = all(_same_distance(part, portrait.skill.acting_parts[0]) for part in portrait.skill.acting_parts)
+    for index, part in enumerate(portrait.skill.acting_parts[: 1 if shared else None]):
         offsets = places - part.attractor
         distances = np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets))
         if not shared:

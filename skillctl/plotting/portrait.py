@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model.contraction import contraction_periods
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill, attractors_of, density_of
+from skillctl.model.skill import Skill
+from skillctl.model.space import Space
 
 STEPS = 1000  # of a motion as long as the longest demonstration
 PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands
@@ -47,7 +47,7 @@ class Scale:
     unit: str
 
     @classmethod
-    def of(cls, space: StateSpace, extent: float) -> Scale:
+    def of(cls, space: Space, extent: float) -> Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
 
@@ -72,26 +72,21 @@ class Portrait:
     high: FloatArray
 
     @property
-    def members(self) -> tuple[SedsSkill | MergedSkill, ...]:
-        """The parts of which one acts at a time; a skill that is not combined is its own."""
-        return self.skill.parts if isinstance(self.skill, CombinedSkill) else (self.skill,)
-
-    @property
     def goals(self) -> FloatArray:
         """Where motions end. Shape (n, d)."""
-        return attractors_of(self.skill)
+        return self.skill.attractors
 
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
     """Return the portrait of a skill and the demonstrations that its leaves carry."""
     shown = tuple(motion for members in taught if members is not None for motion in members)
-    density = density_of(skill)
+    density = skill.density
     starts = np.stack([d.positions[0] for d in shown]) if shown else density.means
     longest = max((d.duration for d in shown), default=None)
     motions = motions_from(skill, starts, longest)
     spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     around = [d.positions for d in shown] or [density.means - spread, density.means + spread]
-    inner = np.vstack([*around, attractors_of(skill)])
+    inner = np.vstack([*around, skill.attractors])
     near = [_inside(motion.positions, inner) for motion in motions]
     low, high = box_around(np.vstack([inner, *near]))
     return Portrait(name, skill, shown, motions, low, high)
@@ -144,12 +139,10 @@ def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
 
 def _period(skill: Skill) -> float:
     """Return a step that resolves the fastest component, and at which proved ones contract."""
-    outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
-    members = skill.parts if isinstance(skill, CombinedSkill) else (skill,)
     steps = []
-    for part in members:
-        matrices = outer * part.component_matrices
+    for part in skill.acting_parts:
+        matrices = skill.outer_speed * part.component_matrices
         fastest = float(np.linalg.norm(matrices, 2, axis=(1, 2)).max())
         steps.append(0.25 / fastest if fastest > np.finfo(np.float64).tiny else 1.0)
-        steps += [0.5 * step for step in contraction_periods(part.lyapunov, matrices).tolist() if step > 0]
+        steps += [0.5 * step for step in part.form.periods(matrices).tolist() if step > 0]
     return min(steps)

@@ -181,7 +181,7 @@ def _draw_marks(
     for motion in portrait.motions:
         axes.plot(scale.factor * motion.positions[:, i], scale.factor * motion.positions[:, j], **FAINT)
     axes.plot(scale.factor * portrait.goals[:, i], scale.factor * portrait.goals[:, j], **GOAL)
-    for part, radius in zip(portrait.members, bounds.radii, strict=True):
+    for part, radius in zip(portrait.skill.acting_parts, bounds.radii, strict=True):
         if radius is not None:
             centre = scale.factor * part.attractor[[i, j]]
             axes.add_patch(

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
 from skillctl.arrays import FloatArray
-from skillctl.model.skill import CombinedSkill
+from skillctl.model.combined import CombinedSkill
 from skillctl.plotting.flow import widest_speed
 from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_plane, label, starts_of
 from skillctl.plotting.portrait import Portrait, Scale, joint_box

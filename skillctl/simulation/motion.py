@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
-from skillctl.model.skill import CombinedSkill, Skill, attractors_of
+from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
@@ -17,6 +18,9 @@ from skillctl.simulation.scenario import Scenario
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
 WORKSPACE_RADIUS = 3.0  # [m]: a plan that leaves it is a skill that diverges
+
+
+TINY = 1e-12  # a cap of zero, where the hand is at its target, would be none
 
 
 class Motion:
@@ -36,8 +40,8 @@ class Motion:
         self._period = period
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
-        self._controller = Controller(skill, period)
-        self._goals = placement.to_workspace(attractors_of(skill))
+        self._controller = Controller(skill, period, allow_unproved=True)
+        self._goals = placement.to_workspace(skill.attractors)
         self._moved = np.zeros(3)
         self._speed = 0.0
 
@@ -77,7 +81,7 @@ class Motion:
         )
         position = position - self._moved
         state = self._placement.to_state(position)
-        inner = self._controller.step(state, max_speed=limit / self._placement.scale)
+        inner = self._controller.step(state, max_speed=max(limit / self._placement.scale, TINY))
         velocity = self._placement.lift(inner, position)
         speed = length(velocity)
         if speed > limit:  # only the way to a plane can add to the skill's own speed

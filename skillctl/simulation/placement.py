@@ -9,7 +9,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import Skill, attractors_of, density_of
+from skillctl.model.skill import Skill
 from skillctl.simulation.arm import ArmModel
 from skillctl.simulation.scenario import Plane, Scenario
 from skillctl.simulation.scene import board_height, cup_middle
@@ -105,9 +105,9 @@ def _natural_scale(size: float) -> float:
 
 def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     """Return the corners (d,) of the box that holds the skill's motions, in its own coordinates."""
-    density = density_of(skill)
+    density = skill.density
     spread = DENSITY_REACH * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    points = [density.means - spread, density.means + spread, attractors_of(skill)]
+    points = [density.means - spread, density.means + spread, skill.attractors]
     if scenario.start is not None:
         preview = rollout(skill, [scenario.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
         points.append(preview.positions[0])
@@ -125,7 +125,7 @@ def _centred(
     scenario: Scenario,
 ) -> Placement:
     if scenario.target == "cup":
-        goal = attractors_of(skill)[0]
+        goal = skill.attractors[0]
         return Placement(axes, cup_middle(scenario) - scale * axes @ goal, scale, plane)
     if scenario.origin is not None:
         return Placement(axes, np.array(scenario.origin), scale, plane)

@@ -10,7 +10,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import Skill, attractors_of, retargeted
+from skillctl.model.skill import Skill, retargeted
 from skillctl.simulation.arm import ArmBody, ArmModel
 from skillctl.simulation.episode import RefusedError
 from skillctl.simulation.grasp import require_gripper
@@ -110,7 +110,7 @@ def _base_yaw(skill: Skill, placement: Placement, scenario: Scenario) -> float:
         return scenario.base_yaw
     if scenario.scene is not None:
         return 0.0
-    x, y, _ = placement.to_workspace(attractors_of(skill)).mean(axis=0)
+    x, y, _ = placement.to_workspace(skill.attractors).mean(axis=0)
     return round(math.atan2(y, x) / (math.pi / 2)) * (math.pi / 2)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillctl.model.skill import CombinedSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.stability.parts import MARGIN, certify_part
 from skillctl.stability.region import certified_radius
 from skillctl.stability.report import (
@@ -36,14 +36,15 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
     References:
         Eq. 5 and 7; theory page, verification.
     """
-    outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
-    members = skill.parts if isinstance(skill, CombinedSkill) else (skill,)
-    parts = tuple(certify_part(number, part, outer) for number, part in enumerate(members, start=1))
+    parts = tuple(
+        certify_part(number, part, skill.outer_speed)
+        for number, part in enumerate(skill.acting_parts, start=1)
+    )
     failures = tuple(sentence for part in parts for sentence in part.failures)
     if not failures and _parts_suffice(skill):
         return _certificate(skill, "stable", "global", parts, failures, None, digest)
     scope: Scope = "none"
-    if isinstance(skill, CombinedSkill) and not failures:
+    if not failures:
         parts = _with_radii(skill, parts)
         scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
         failures = (_open_question(skill),)
@@ -55,18 +56,18 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
 
 def _parts_suffice(skill: Skill) -> bool:
     """Whether global stability follows from that of each part alone."""
-    if not isinstance(skill, CombinedSkill) or skill.gate == "latched" or len(skill.parts) == 1:
+    members = skill.acting_parts
+    if not skill.reselects or len(members) == 1:
         return True
-    shared = all((part.lyapunov == skill.parts[0].lyapunov).all() for part in skill.parts)
-    return skill.aligned and shared
+    return len(skill.attractors) == 1 and all(part.form == members[0].form for part in members)
 
 
-def _with_radii(skill: CombinedSkill, parts: tuple[PartCertificate, ...]) -> tuple[PartCertificate, ...]:
+def _with_radii(skill: Skill, parts: tuple[PartCertificate, ...]) -> tuple[PartCertificate, ...]:
     return tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
 
 
-def _every_attractor_has_a_radius(skill: CombinedSkill, parts: tuple[PartCertificate, ...]) -> bool:
-    attractors = [tuple(row) for row in skill.attractors.tolist()]
+def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ...]) -> bool:
+    attractors = [tuple(part.attractor.tolist()) for part in skill.acting_parts]
     certified = {place for place, part in zip(attractors, parts, strict=True) if part.radius is not None}
     return certified == set(attractors)
 
@@ -121,13 +122,13 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
 
 
 def _global_statement(skill: Skill) -> str:
-    if not isinstance(skill, CombinedSkill):
+    if len(skill.acting_parts) == 1 and skill.kind != "combined":
         return "Every motion converges to the attractor exponentially, from everywhere."
-    if skill.gate == "latched":
+    if not skill.reselects:
         return (
             "Every motion with finitely many disturbances converges exponentially to the attractor of the "
-            "part that was selected last: the part i whose βᵢ pᵢ is largest at the start. That region is the "
-            "basin of its attractor."
+            "part that acts after the last of them: the part i whose βᵢ pᵢ is largest where that disturbance "
+            "left the state, or, undisturbed, at the start. That region is the basin of its attractor."
         )
     return (
         "Every motion converges to the one attractor exponentially, from everywhere: whichever part acts, "
@@ -135,8 +136,8 @@ def _global_statement(skill: Skill) -> str:
     )
 
 
-def _open_question(skill: CombinedSkill) -> str:
-    if skill.aligned:
+def _open_question(skill: Skill) -> str:
+    if len(skill.attractors) == 1:
         return (
             "The parts have different P, and the instantaneous gate may switch between them for ever: "
             "no common measure of distance is known to shrink. Combine with a common P, or latched."

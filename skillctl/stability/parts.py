@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.model.contraction import contraction_periods, decay_rates
-from skillctl.model.skill import MergedSkill, SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import ActingSkill
 from skillctl.stability.exact import Dyadic, decays, is_positive_definite, steps_contract
 from skillctl.stability.report import ComponentCertificate, PartCertificate
 
@@ -19,7 +19,7 @@ SHRINKS = (1 - 2.0**-40, 1 - 2.0**-30, 1 - 2.0**-20, 1 - 2.0**-10, *(2.0**-n for
 FLOAT64 = np.finfo(np.float64)
 
 
-def certify_part(number: int, part: SedsSkill | MergedSkill, speed: float) -> PartCertificate:
+def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificate:
     """Return what exact arithmetic proves of one part.
 
     With V = (ξ − ξ*)ᵀ P (ξ − ξ*), every convex combination of components that contract in the P-norm
@@ -57,24 +57,22 @@ def certify_part(number: int, part: SedsSkill | MergedSkill, speed: float) -> Pa
     return PartCertificate(number, positive, components, rate, period)
 
 
-def _leaves(skill: SedsSkill | MergedSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
+def _leaves(skill: ActingSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
     """Yield every leaf with the product of all speeds on the way to it."""
     speed = speed * Dyadic.of(skill.speed)
-    if isinstance(skill, SedsSkill):
-        yield skill, speed
-        return
+    if not skill.parts:
+        yield from ((leaf, speed) for leaf in skill.leaves)
     for part in skill.parts:
         yield from _leaves(part, speed)
 
 
-def _estimates(part: SedsSkill | MergedSkill, speed: float) -> tuple[FloatArray, FloatArray, float]:
+def _estimates(part: ActingSkill, speed: float) -> tuple[FloatArray, FloatArray, float]:
     """Return decay rates (K,), periods (K,) and the largest entry of all matrices, in floating point."""
     matrices = speed * part.component_matrices
     size = float(np.abs(matrices).max())
     try:
         with np.errstate(all="ignore"):  # near the limits of float64 they may be infinite, or no numbers
-            rates = decay_rates(part.lyapunov, matrices)
-            return rates, contraction_periods(part.lyapunov, matrices), size
+            return part.form.rates(matrices), part.form.periods(matrices), size
     except np.linalg.LinAlgError:  # P or a matrix is singular to working precision
         unknown = np.full(len(matrices), np.nan)
         return unknown, unknown, size

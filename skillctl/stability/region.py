@@ -10,7 +10,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill
+from skillctl.model.skill import Skill
 from skillctl.stability.exact import Dyadic, is_positive_definite, leading_minors
 
 # Exact numbers go through log, exp and sqrt, each good to a few units in the last place (2^-52); this share
@@ -19,7 +19,7 @@ GUARD = 2.0**-32
 BISECTIONS = 30  # a relative accuracy of 1e-9 of the radius
 
 
-def certified_radius(skill: CombinedSkill, index: int) -> float | None:
+def certified_radius(skill: Skill, index: int) -> float | None:
     """Return a radius around part ``index``'s attractor from within which every motion ends there.
 
     On the ball ‖ξ − ξ*‖_P ≤ ρ each Gaussian's Mahalanobis distance lies within √m ± ρ √s, where √m is
@@ -35,11 +35,11 @@ def certified_radius(skill: CombinedSkill, index: int) -> float | None:
     References:
         Theory page, verification; the bounds are ours.
     """
-    part = skill.parts[index]
+    part = skill.acting_parts[index]
     try:
         bounds = [
             DensityBounds.of(other.density, prior, part.attractor, part.lyapunov)
-            for other, prior in zip(skill.parts, skill.part_priors.tolist(), strict=True)
+            for other, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
         return None

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray, IntArray
-from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill, attractors_of, density_of
+from skillctl.model.rollout import arrival_distance_of, rollout
+from skillctl.model.skill import Skill
 from skillctl.stability.report import PartCertificate, Sampling
 
 STARTS = 100  # where a region without convergence covers 5 % of the box, all miss it in 1 of 170 searches
@@ -69,24 +69,19 @@ def _follow(
     return active, middle, x, segment * span
 
 
-def _parts_of(skill: Skill) -> tuple[SedsSkill | MergedSkill, ...]:
-    return skill.parts if isinstance(skill, CombinedSkill) else (skill,)
-
-
 def _starts(skill: Skill, seed: int) -> FloatArray:
     """Return seeded starts in the box around the data and the attractors. Shape (STARTS, d)."""
-    density = density_of(skill)
+    density = skill.density
     reach = DEVIATIONS * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    corners = np.vstack([density.means - reach, density.means + reach, attractors_of(skill)])
+    corners = np.vstack([density.means - reach, density.means + reach, skill.attractors])
     low, high = corners.min(axis=0), corners.max(axis=0)
     return np.asarray(np.random.default_rng(seed).uniform(low, high, (STARTS, skill.dimension)))
 
 
 def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
     """Return a step that resolves the fastest component and that each proved part contracts at."""
-    outer = skill.speed if isinstance(skill, CombinedSkill) else 1.0
-    norms = [np.linalg.norm(part.component_matrices, 2, axis=(1, 2)).max() for part in _parts_of(skill)]
-    fastest = outer * float(max(norms))
+    norms = [np.linalg.norm(part.component_matrices, 2, axis=(1, 2)).max() for part in skill.acting_parts]
+    fastest = skill.outer_speed * float(max(norms))
     resolved = 0.25 / fastest if fastest > np.finfo(np.float64).tiny else 1.0  # if nothing moves, any will do
     return min([resolved] + [0.5 * p.period for p in parts if p.period is not None])
 
@@ -94,14 +89,14 @@ def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
 def _arrival_bound(skill: Skill, parts: tuple[PartCertificate, ...], starts: FloatArray) -> float:
     """Return the time by which each part on its own has provably arrived from every start; inf if unproved.
 
-    ‖e‖_P ≤ ARRIVAL_DISTANCE √λ_min(P) lies within the arrival distance.
+    ‖e‖_P ≤ δ √λ_min(P) lies within the arrival distance δ.
     """
     times = []
-    for part, proof in zip(_parts_of(skill), parts, strict=True):
+    for part, proof in zip(skill.acting_parts, parts, strict=True):
         if proof.rate is None:
             return math.inf
-        farthest = float(_distances(part, starts).max())
-        near = ARRIVAL_DISTANCE * math.sqrt(float(np.linalg.eigvalsh(part.lyapunov)[0]))
+        farthest = float(part.v_distance(starts).max())
+        near = arrival_distance_of(skill) * math.sqrt(float(np.linalg.eigvalsh(part.lyapunov)[0]))
         times.append(math.log(max(farthest / near, math.e)) / proof.rate)
     return max(times)
 
@@ -111,13 +106,7 @@ def _stuck(
 ) -> BoolArray:
     """Return which motions came nearer to no attractor in the ``time`` from middle to end. Shape (n,)."""
     stuck = np.ones(len(end), dtype=np.bool_)
-    for part, proof in zip(_parts_of(skill), parts, strict=True):
+    for part, proof in zip(skill.acting_parts, parts, strict=True):
         share = FULL_SHARE * -math.expm1(-time * (proof.rate or 0.0))
-        stuck &= ~(_distances(part, end) < (1 - share) * _distances(part, middle))
+        stuck &= ~(part.v_distance(end) < (1 - share) * part.v_distance(middle))
     return stuck
-
-
-def _distances(part: SedsSkill | MergedSkill, positions: FloatArray) -> FloatArray:
-    """Return ‖ξ − ξ*‖_P for positions (n, d). Shape (n,)."""
-    offsets = positions - part.attractor
-    return np.asarray(np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets)))

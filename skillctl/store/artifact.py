@@ -12,8 +12,9 @@ from pydantic import ValidationError
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import Skill
+from skillctl.model.space import Euclidean
 from skillctl.store.canonical import dump_canonical, load_strict
 from skillctl.store.errors import Refusal, require_format
 from skillctl.store.layout import META, Array, content_digest
@@ -101,7 +102,7 @@ def artifact_of(arrays: Mapping[str, Array], name: str) -> Artifact:
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise Refusal(f"/{path}: must be finite")
     meta = _load_meta(arrays[META], name)
-    space = StateSpace(meta.state.names, meta.state.unit, meta.state.frame, meta.state.kind)
+    space = Euclidean(meta.state.names, meta.state.unit, meta.state.frame, meta.state.kind)
     d = arrays["model/means"].shape[1]
     if space.dimension != d or len(set(space.names)) != d:
         raise Refusal(f"/meta.json: state.names: expected {d} different names")
@@ -160,7 +161,7 @@ def _demonstration_arrays(artifact: Artifact) -> dict[str, Array]:
 
 
 def _demonstrations_of(
-    arrays: Mapping[str, Array], sources: tuple[str, ...], n_leaves: int, space: StateSpace
+    arrays: Mapping[str, Array], sources: tuple[str, ...], n_leaves: int, space: Euclidean
 ) -> tuple[DemonstrationSet | None, ...]:
     if "demonstrations/part" not in arrays:
         if sources:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
@@ -20,8 +21,8 @@ from pydantic import (
     ValidationInfo,
 )
 
-from skillctl.errors import printable
-from skillctl.model.skill import CombineGate, MergeGate
+from skillctl.errors import UsageError, printable
+from skillctl.model.gates import combine_gate, merge_gate
 from skillctl.store.errors import Refusal
 from skillctl.store.seal import FORMAT_VERSION
 
@@ -89,6 +90,14 @@ def _is_printable(text: str) -> str:
     return text
 
 
+def _known_gate(lookup: Callable[[str], object], name: str) -> str:
+    try:
+        lookup(name)
+    except UsageError as error:
+        raise ValueError(str(error)) from None
+    return name
+
+
 def _is_relative(path: str) -> str:
     if path.startswith(("/", "\\")) or re.match("[A-Za-z]:", path) or ".." in re.split(r"[/\\]", path):
         raise ValueError("must be a relative path that does not lead upwards")
@@ -135,7 +144,7 @@ class MergedNode(Strict):
     kind: Literal["merged"] = "merged"
     parts: Parts
     part_weights: Weights
-    gate: MergeGate
+    gate: Annotated[str, AfterValidator(partial(_known_gate, merge_gate))]
     sharpness: Annotated[float, Field(ge=1)]
     speed: Positive
 
@@ -146,7 +155,7 @@ class CombinedNode(Strict):
     kind: Literal["combined"] = "combined"
     parts: Parts
     part_priors: Weights
-    gate: CombineGate
+    gate: Annotated[str, AfterValidator(partial(_known_gate, combine_gate))]
     disturbance_distance: Positive
     speed: Positive
 
@@ -157,7 +166,7 @@ Node = Annotated[SedsNode | MergedNode | CombinedNode, Field(discriminator="kind
 
 
 class State(Strict):
-    """What the numbers of a state mean; see ``skillctl.model.StateSpace``."""
+    """What the numbers of a state mean; see ``skillctl.model.Euclidean``."""
 
     names: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
     unit: Literal["m", "rad"]

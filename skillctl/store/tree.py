@@ -9,9 +9,12 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
+from skillctl.model.space import Space
 from skillctl.store.errors import Refusal
 from skillctl.store.schema import CombinedNode, MergedNode, Node, SedsNode
 
@@ -67,21 +70,21 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
     if isinstance(skill, MergedSkill):
         return MergedNode(
             parts=parts,
-            part_weights=tuple(skill.part_weights.tolist()),
+            part_weights=tuple(skill.shares.tolist()),
             gate=skill.gate,
-            sharpness=float(skill.sharpness),
+            sharpness=float(skill.parameters.get("sharpness", 1.0)),
             speed=float(skill.speed),
         )
     return CombinedNode(
         parts=parts,
-        part_priors=tuple(skill.part_priors.tolist()),
+        part_priors=tuple(skill.shares.tolist()),
         gate=skill.gate,
         disturbance_distance=float(skill.disturbance_distance),
         speed=float(skill.speed),
     )
 
 
-def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: StateSpace) -> Skill:
+def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     """Return the skill of a tree and its stacked arrays.
 
     Raises:
@@ -120,23 +123,24 @@ def _leaves(node: Node, depth: int) -> Iterator[SedsNode]:
             yield from _leaves(part, depth + 1)
 
 
-def _skill(node: Node, arrays: Mapping[str, FloatArray], space: StateSpace) -> Skill:
+def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     if isinstance(node, SedsNode):
         return _seds_skill(node, arrays, space)
     parts: Any = tuple(_skill(part, arrays, space) for part in node.parts)
     if isinstance(node, MergedNode):
         weights = np.array(node.part_weights)
-        return MergedSkill(parts, weights, node.gate, node.sharpness, node.speed)
+        parameters = {"sharpness": node.sharpness} if node.gate == "experts" else {}
+        return MergedSkill(parts, weights, node.gate, node.speed, parameters)
     priors = np.array(node.part_priors)
     return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)
 
 
-def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: StateSpace) -> SedsSkill:
+def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) -> SedsSkill:
     rows, density_rows = slice(*node.components), slice(*node.density)
     try:
         density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
         return SedsSkill(
-            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
+            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},  # type: ignore[arg-type]
             attractor=arrays["model/attractors"][node.leaf],
             lyapunov=arrays["model/lyapunov"][node.leaf],
             density=density,

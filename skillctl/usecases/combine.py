@@ -14,7 +14,8 @@ from skillctl.compose.combine import combine as combine_skills
 from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
 from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
-from skillctl.model.skill import CombinedSkill, CombineGate, Skill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -63,7 +64,7 @@ class CombineReport:
     digest: str
     created: bool
     parts: tuple[PartSummary, ...]
-    gate: CombineGate
+    gate: str
     aligned: bool
     attractors: tuple[tuple[float, ...], ...]
     unit: str
@@ -91,7 +92,7 @@ class CombineOptions:
     """
 
     part_priors: tuple[float, ...] | None = None
-    gate: CombineGate = "latched"
+    gate: str = "latched"
     align: bool = False
     target: tuple[float, ...] | None = None
     disturbance_distance: float | None = None
@@ -258,7 +259,7 @@ def _report(
         parts=summaries(sources, _shares(parents, combined)),
         gate=combined.gate,
         aligned=combined.aligned,
-        attractors=tuple(map(tuple, combined.attractors.tolist())),
+        attractors=tuple(map(tuple, combined.part_attractors.tolist())),
         unit=combined.space.unit,
         disturbance_distance=combined.disturbance_distance,
         coverage=measured.coverage,

@@ -12,7 +12,8 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import SedsSkill, Skill, attractors_of
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Lock, metadata_of
@@ -262,7 +263,7 @@ def _behaviour(sources: Sequence[Source], atol: float, rtol: float) -> Behaviour
     taught = [
         motion for source in sources for motions in source.artifact.demonstrations for motion in motions or ()
     ]
-    goals = (attractors_of(a), attractors_of(b))
+    goals = (a.attractors, b.attractors)
     points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, _means_of(a)])
     grid = _field(a, b, _grid(points), atol, rtol)
     shown, distance = None, None

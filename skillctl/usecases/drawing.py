@@ -6,7 +6,6 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import attractors_of
 from skillctl.simulation.draws import drawn, with_defaults
 from skillctl.simulation.scenario import Scenario
 from skillctl.store.source import Source
@@ -53,5 +52,5 @@ def _start_of(demo: int, source: Source, scenario: Scenario) -> tuple[float, ...
     start = starts[demo]
     target = scenario.target
     if target is not None and target != "cup" and len(target) == len(start):
-        start = start + (target - attractors_of(source.skill)[0])
+        start = start + (target - source.skill.attractors[0])
     return tuple(start.tolist())

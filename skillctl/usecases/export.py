@@ -12,7 +12,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.store import Artifact, Lock, contents_of, metadata_of, write_file
 from skillctl.store.source import open_skill
 from skillctl.usecases.inspect import joint_mixture

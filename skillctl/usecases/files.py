@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
 from skillctl.store import Artifact, Operation
 from skillctl.store.source import open_skill
 

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
-from skillctl.model.demonstration import StateSpace
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Kind, Skill
+from skillctl.model.space import Space
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
 from skillctl.store.source import open_skill
-
-Kind: TypeAlias = Literal["seds", "merged", "combined"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,7 @@ class Node:
     Attributes:
         kind: ``seds``, ``merged`` or ``combined``.
         share: Weight or prior in the skill above; 1 for the whole.
-        gate, sharpness, disturbance_distance: As far as the kind has them.
+        gate, parameters, disturbance_distance: As far as the kind has them; parameters of the gate, by name.
         speed: Factor on all velocities.
         parts: From left to right.
     """
@@ -76,7 +74,7 @@ class Node:
     kind: Kind
     share: float
     gate: str | None
-    sharpness: float | None
+    parameters: dict[str, float]
     disturbance_distance: float | None
     speed: float
     parts: tuple[Node, ...]
@@ -103,7 +101,7 @@ class InspectReport:
     path: Path
     digest: str
     kind: Kind
-    space: StateSpace
+    space: Space
     tree: Node
     leaves: tuple[Leaf, ...]
     certificate: Certificate
@@ -172,18 +170,22 @@ def joint_mixture(skill: SedsSkill) -> JointMixture:
 
 
 def _node(skill: Skill, share: float) -> Node:
-    if isinstance(skill, SedsSkill):
-        return Node("seds", share, None, None, None, skill.speed, ())
-    shares = skill.part_weights if isinstance(skill, MergedSkill) else skill.part_priors
-    parts = tuple(_node(part, float(s)) for part, s in zip(skill.parts, shares, strict=True))
-    if isinstance(skill, MergedSkill):
-        return Node("merged", share, skill.gate, skill.sharpness, None, skill.speed, parts)
-    return Node("combined", share, skill.gate, None, skill.disturbance_distance, skill.speed, parts)
+    combined = skill.kind == "combined"
+    return Node(
+        kind=skill.kind,
+        share=share,
+        gate=skill.gate or None,
+        parameters=dict(skill.parameters),
+        disturbance_distance=skill.disturbance_distance if combined else None,
+        speed=skill.speed,
+        parts=tuple(_node(part, float(s)) for part, s in zip(skill.parts, skill.shares, strict=True)),
+    )
 
 
 def _leaves(skill: Skill, counts: list[int]) -> list[Leaf]:
-    members = skill.parts if isinstance(skill, CombinedSkill | MergedSkill) else (skill,)
-    owned = [(part, leaf) for part, member in enumerate(members, start=1) for leaf in member.leaves]
+    owned = [
+        (part, leaf) for part, member in enumerate(skill.parts or (skill,), start=1) for leaf in member.leaves
+    ]
     return [
         Leaf(
             leaf=number,

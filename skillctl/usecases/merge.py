@@ -19,7 +19,8 @@ from skillctl.compose.merge import merge as merge_skills
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
-from skillctl.model.skill import MergedSkill, MergeGate, Skill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -84,7 +85,7 @@ class MergeReport:
     digest: str
     created: bool
     parts: tuple[PartSummary, ...]
-    gate: MergeGate
+    gate: str
     sharpness: float
     speed: float
     attractor: tuple[float, ...]
@@ -104,7 +105,7 @@ class MergeOptions:
     """How parts are merged; see ``skillctl.compose.merge``."""
 
     part_weights: tuple[float, ...] | None = None
-    gate: MergeGate = "superposition"
+    gate: str = "superposition"
     sharpness: float = 1.0
     speed: float = 1.0
     target: tuple[float, ...] | None = None
@@ -115,7 +116,7 @@ class MergeOptions:
             parts,
             part_weights=self.part_weights,
             gate=self.gate,
-            sharpness=self.sharpness,
+            parameters={} if self.sharpness == 1 else {"sharpness": self.sharpness},
             speed=self.speed,
             target=self.target,
             lyapunov=lyapunov,
@@ -367,7 +368,7 @@ def _report(
         created=written.created,
         parts=summaries(sources, merged.part_weights.tolist()),
         gate=merged.gate,
-        sharpness=merged.sharpness,
+        sharpness=merged.parameters.get("sharpness", 1.0),
         speed=merged.speed,
         attractor=tuple(merged.attractor.tolist()),
         unit=merged.space.unit,

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skillctl.errors import StoreError
-from skillctl.model.skill import CombinedSkill, MergedSkill, Skill, retargeted
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import Skill, retargeted
 from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import draw_fit
 from skillctl.plotting.formats import require_few, require_format, require_picture

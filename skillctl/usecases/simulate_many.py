@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from skillctl.errors import UsageError
-from skillctl.model.skill import CombinedSkill, attractors_of
+from skillctl.model.combined import CombinedSkill
 from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
@@ -154,7 +154,7 @@ def _encode_overview(
         title=source.name,
         verdict=f"{report.successes} of {report.episodes} succeeded; "
         f"{report.confidence:.0%} interval {low:.0%} to {high:.0%}",
-        colour_by=colour_by or ("part" if len(attractors_of(source.skill)) > 1 else "outcome"),
+        colour_by=colour_by or ("part" if len(source.skill.attractors) > 1 else "outcome"),
         parts=_part_names(source),
     )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from skillctl.errors import SkillctlError, StoreError, UsageError
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate, at_least
@@ -166,7 +166,7 @@ def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Cer
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
     """
-    if isinstance(skill, SedsSkill | MergedSkill | CombinedSkill):
+    if isinstance(skill, Skill):
         return certify(skill)
     source = open_skill(skill, store)
     return certify(source.skill, digest=source.artifact.digest)

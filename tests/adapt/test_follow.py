@@ -13,9 +13,10 @@ from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, slowed
 from skillctl.adapt.task import fit_to_task, task_distances
 from skillctl.adapt.weights import scaled_components
 from skillctl.compose.merge import merge as merge_skills
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import MergedSkill
+from skillctl.model.space import Euclidean
 from skillctl.stability.certificate import certify
 
 STARTS = np.array([[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]])
@@ -36,7 +37,7 @@ def motions_of(skill, starts=STARTS, hurry=1.0):
     for i in range(len(starts)):
         times, positions = run.trajectory(i)
         shown.append(Demonstration.from_positions(times[::5] / hurry, positions[::5]))
-    return DemonstrationSet(tuple(shown), StateSpace.cartesian(2))
+    return DemonstrationSet(tuple(shown), Euclidean.cartesian(2))
 
 
 def factored(parts, seed):
@@ -92,9 +93,7 @@ def test_rate_and_period_are_kept_whatever_is_shown(make_skill, level, seed):
     t = np.linspace(0, 1, 60)[:, None]
     wild = rng.normal(0, 0.3, 2) * (1 - t) + rng.normal(0, 0.3, 2) * np.sin(np.pi * t) * (1 - t)
     duration = 10.0 ** rng.uniform(-1.5, 1.5)  # far slower and far faster than the parts
-    task = DemonstrationSet(
-        (Demonstration.from_positions(duration * t[:, 0], wild),), StateSpace.cartesian(2)
-    )
+    task = DemonstrationSet((Demonstration.from_positions(duration * t[:, 0], wild),), Euclidean.cartesian(2))
     found = follow(parts, task, np.ones(2), level=level).skill
     certificate, own = certify(found), [certify(part) for part in parts]
     assert certificate.verdict == "stable"
@@ -132,7 +131,7 @@ def test_a_merger_that_is_too_fast_for_the_controller_is_slowed_and_no_other(par
 
 
 def test_merged_parts_are_fitted_down_to_their_leaves(parts):
-    nested = [merge_skills(parts[:2], gate="experts", sharpness=2.0, speed=1.5), parts[2]]
+    nested = [merge_skills(parts[:2], gate="experts", parameters={"sharpness": 2.0}, speed=1.5), parts[2]]
     task = motions_of(merge_skills(nested, part_weights=[1, 2]))
     found = follow(nested, task, np.ones(2), level="component").skill
     assert isinstance(found.parts[0], MergedSkill)

@@ -8,8 +8,9 @@ import pytest
 from skillctl.adapt.weights import adapt, most_helpful, scaled_components
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.errors import FitError, UsageError
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
-from skillctl.model.skill import MergedSkill
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
+from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
 
@@ -28,7 +29,7 @@ def shown(field, starts, end):
     for start in starts:
         positions = end + share * (np.asarray(start) - end)
         motions.append(Demonstration(times, positions, field(positions)))
-    return DemonstrationSet(tuple(motions), StateSpace.cartesian(2))
+    return DemonstrationSet(tuple(motions), Euclidean.cartesian(2))
 
 
 STARTS = [[0.4, 0.1], [-0.2, 0.3], [0.1, -0.4]]
@@ -102,7 +103,7 @@ def test_where_the_task_was_shown_does_not_matter(parts):
 
 
 def test_factors_reach_the_leaves_of_merged_parts(parts):
-    nested = merge([merge(parts[:2], gate="experts", sharpness=2.0, speed=1.5), parts[2]])
+    nested = merge([merge(parts[:2], gate="experts", parameters={"sharpness": 2.0}, speed=1.5), parts[2]])
     factors = np.arange(1.0, 6.0)  # of the two and three components of the parts merged first
     scaled = scaled_components(nested.parts[0], factors)
     assert isinstance(scaled, MergedSkill)

@@ -20,7 +20,7 @@ from skillctl.learning.options import LearnOptions
 from skillctl.metrics import dtw
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 
 PERIOD = 0.005  # [s], explicit Euler step of every rollout
 HORIZON = 5.0  # in durations of the demonstrations

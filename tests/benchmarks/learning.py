@@ -22,7 +22,8 @@ from lasa import Score, microseconds, score
 
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Euclidean
 
 ROWS = {
     "learned P, default": LearnOptions(),
@@ -68,7 +69,7 @@ def speed() -> list[str]:
     """Return lines on the cost of one state, a batch, and the import."""
     phase = np.linspace(0, 1, 200)[:, None]
     arc = (1 - phase) * np.array([0.3, 0.1, 0.2]) + 0.1 * np.sin(np.pi * phase) * np.array([0.0, 1.0, 0.5])
-    motion = DemonstrationSet((Demonstration.from_positions(2 * phase[:, 0], arc),), StateSpace.cartesian(3))
+    motion = DemonstrationSet((Demonstration.from_positions(2 * phase[:, 0], arc),), Euclidean.cartesian(3))
     skill = fit(motion, LearnOptions(preset="fast", n_components=7)).skill
     state = np.array([0.1, 0.05, 0.1])
     states = np.random.default_rng(0).uniform(-0.3, 0.3, (1_000_000, 3))
@@ -96,7 +97,7 @@ def growth() -> list[str]:
             start = np.eye(d)[0] + 0.1 * generator.standard_normal(d)
             bow = 0.3 * np.sin(np.pi * phase) * np.eye(d)[-1] if d > 1 else 0.0
             made.append(Demonstration.from_positions(3 * phase[:, 0], (1 - phase) ** 2 * start + bow))
-        return DemonstrationSet(tuple(made), StateSpace.cartesian(d))
+        return DemonstrationSet(tuple(made), Euclidean.cartesian(d))
 
     lines = []
     for count, points, d, k in (

@@ -25,7 +25,7 @@ from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.controller import Controller
 from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
-from skillctl.model.skill import density_of, retargeted
+from skillctl.model.skill import retargeted
 
 NAMES = (
     "Angle",
@@ -109,7 +109,7 @@ def measured(seed: int, preset: str = "default", count: int = STARTS) -> list[fl
     offsets = [np.stack([m.positions[0] - m.positions[-1] for m in motions]) for motions in sets]
     shown = np.vstack([part.attractor + offset for part, offset in zip(skill.parts, offsets, strict=True)])
     owner = np.repeat(np.arange(len(sets)), [len(offset) for offset in offsets])
-    density = density_of(skill)
+    density = skill.density
     reach = 3 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
     starts = rng.uniform(low, high, (count, 2))

@@ -17,7 +17,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from skillctl.demonstrations.reaching import reaching_demonstrations
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario, Shelf

@@ -13,7 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from skillctl.demonstrations.reaching import reaching_demonstrations
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.stability.certificate import certify
 
 

@@ -12,7 +12,7 @@ from skillctl.cli import options, scene
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.recording import Unit
 from skillctl.learning.options import METRICS, OBJECTIVES, PRESETS
-from skillctl.model.skill import COMBINE_GATES, MERGE_GATES
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.scenario import CONTROLS, HANDS, PLANES, SCENES
 from skillctl.usecases.verify_stability import Requirements
@@ -26,8 +26,8 @@ from skillctl.usecases.verify_stability import Requirements
         (options.Objective, OBJECTIVES),
         (options.Metric, METRICS),
         (options.Preset, PRESETS),
-        (options.MergeGate, MERGE_GATES),
-        (options.CombineGate, COMBINE_GATES),
+        (options.MergeGate, tuple(gate.name for gate in MERGE_GATES)),
+        (options.CombineGate, tuple(gate.name for gate in COMBINE_GATES)),
         (options.FitLevel, FIT_LEVELS),
         (options.Scope, get_args(get_type_hints(Requirements)["scope"])),
         (options.Plane, PLANES),

@@ -9,9 +9,10 @@ from skillctl.compose.combine import combine
 from skillctl.compose.merge import merge
 from skillctl.errors import UsageError
 from skillctl.evaluate.coverage import calibrated_priors, coverage
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
+from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
 
@@ -23,9 +24,9 @@ def three(make_skill):
 
 
 def test_parts_keep_their_attractors_unless_aligned(three):
-    assert combine(three).attractors.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
-    assert combine(three, part_priors=[2, 1, 1], align=True).attractors.tolist() == [[0.25, 0.25]] * 3
-    assert combine(three, align=True, target=[1 / 3, 5.0]).attractors.tolist() == [[1 / 3, 5.0]] * 3
+    assert combine(three).part_attractors.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    assert combine(three, part_priors=[2, 1, 1], align=True).attractors.tolist() == [[0.25, 0.25]]
+    assert combine(three, align=True, target=[1 / 3, 5.0]).part_attractors.tolist() == [[1 / 3, 5.0]] * 3
 
 
 def test_priors_are_uniform_or_given(three):
@@ -111,7 +112,7 @@ def straight(*starts, end=(0.0, 0.0), duration=2.0):
     motions = [
         Demonstration.from_positions(times, np.asarray(end) + share * np.asarray(start)) for start in starts
     ]
-    return DemonstrationSet(tuple(motions), StateSpace.cartesian(2))
+    return DemonstrationSet(tuple(motions), Euclidean.cartesian(2))
 
 
 @pytest.fixture
@@ -188,7 +189,7 @@ def starts_along(axis, values):
     """Return demonstrations that start at the given coordinates of one axis and end at the origin."""
     times, share = np.linspace(0, 1, 20), np.linspace(1, 0, 20)[:, None]
     motions = tuple(Demonstration.from_positions(times, share * value * np.eye(2)[axis]) for value in values)
-    return DemonstrationSet(motions, StateSpace.cartesian(2))
+    return DemonstrationSet(motions, Euclidean.cartesian(2))
 
 
 def selected(skill, sets):

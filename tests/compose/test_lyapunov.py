@@ -8,7 +8,7 @@ import pytest
 
 from skillctl.compose.lyapunov import common_lyapunov, conflicting_parts
 from skillctl.errors import InvalidModelError
-from skillctl.model.contraction import contraction_periods, decay_rates
+from skillctl.model.lyapunov import QuadraticForm
 
 
 def hurwitz(rng, d, loss=0.3):
@@ -28,7 +28,7 @@ def family(rng, d, k, loss=0.05):
 
 
 def contracts(p, matrices):
-    return (p == p.T).all() and decay_rates(p, matrices).min() > 0
+    return (p == p.T).all() and QuadraticForm(p).rates(matrices).min() > 0
 
 
 @pytest.mark.parametrize("excess", [1e-1, 1e-3, 1e-5, 1e-6])
@@ -103,9 +103,9 @@ def test_a_family_that_shares_a_p_gets_one(d, k):
 def test_a_known_p_is_never_made_worse():
     rng = np.random.default_rng(2)
     matrices, p = family(rng, 4, 8)
-    alone = decay_rates(p, matrices).min()
+    alone = QuadraticForm(p).rates(matrices).min()
     found = common_lyapunov(matrices, known=[np.eye(4), p])
-    assert decay_rates(found, matrices).min() >= alone * (1 - 1e-9)
+    assert QuadraticForm(found).rates(matrices).min() >= alone * (1 - 1e-9)
 
 
 def test_units_of_length_and_time_do_not_decide():
@@ -122,7 +122,7 @@ def test_units_of_length_and_time_do_not_decide():
                 assert (found is not None) == exists
                 if found is not None:
                     # In the original units it proves the original matrices.
-                    assert decay_rates(found * np.outer(axes, axes), matrices).min() > 0
+                    assert QuadraticForm(found * np.outer(axes, axes)).rates(matrices).min() > 0
 
 
 def test_a_component_that_is_not_stable_alone_has_no_p():
@@ -176,7 +176,7 @@ def test_one_matrix_keeps_a_period_exactly_when_its_steps_have_spectral_radius_b
         answers.append(radius < 1)
         if found is not None:
             assert contracts(found, matrix[None])
-            assert contraction_periods(found, matrix[None])[0] > period
+            assert QuadraticForm(found).periods(matrix[None])[0] > period
     assert 20 < sum(answers) < len(answers) - 20
 
 
@@ -186,7 +186,7 @@ def test_families_keep_a_period_wherever_a_convex_solver_finds_one():
     for _ in range(40):
         d, k = int(rng.integers(2, 4)), int(rng.integers(2, 5))
         matrices, known = family(rng, d, k, loss=0.3)
-        period = rng.uniform(0.3, 3) * contraction_periods(known, matrices).min()
+        period = rng.uniform(0.3, 3) * QuadraticForm(known).periods(matrices).min()
         p, t = cvxpy.Variable((d, d), symmetric=True), cvxpy.Variable()
         size = np.linalg.norm(matrices, 2, axis=(1, 2)).max()
         scaled, step = matrices / size, period * size
@@ -198,5 +198,5 @@ def test_families_keep_a_period_wherever_a_convex_solver_finds_one():
         found = common_lyapunov(matrices, period=period)
         assert (found is not None) == (t.value > 0)
         answers.append(t.value > 0)
-        assert found is None or contraction_periods(found, matrices).min() > period
+        assert found is None or QuadraticForm(found).periods(matrices).min() > period
     assert 5 < sum(answers) < len(answers) - 3

@@ -12,12 +12,17 @@ from skillctl.compose.lyapunov import common_lyapunov_of, with_lyapunov
 from skillctl.compose.merge import NoCommonLyapunovError, merge
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
-from skillctl.model.contraction import decay_rates
-from skillctl.model.demonstration import StateSpace
-from skillctl.model.skill import MERGE_GATES, CombinedSkill, MergedSkill, retargeted
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import MERGE_GATES as RECORDS
+from skillctl.model.lyapunov import QuadraticForm
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import retargeted
+from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
 RELATIVE = 1e5 * EPS  # logits of a few thousand, right to a few ulps, decide weights
+
+MERGE_GATES = [gate.name for gate in RECORDS]
 
 
 def random_p(rng, d):
@@ -70,7 +75,13 @@ def test_each_gate_is_its_formula(make_skill, gate, dimension):
         for k, s in ((2, 1.0), (3, 0.5), (4, 2.0))
     ]
     gamma = 2.5 if gate == "experts" else 1.0
-    merged = merge(parts, part_weights=[1, 2, 5], gate=gate, sharpness=gamma, speed=0.8)
+    merged = merge(
+        parts,
+        part_weights=[1, 2, 5],
+        gate=gate,
+        parameters={"sharpness": gamma} if gate == "experts" else {},
+        speed=0.8,
+    )
     alphas = np.array([1, 2, 5]) / 8
     means = np.concatenate([part.means for part in parts])
     x = means[rng.integers(0, 9, 30)] + rng.normal(0, 0.03, (30, dimension))
@@ -92,7 +103,7 @@ def test_a_merged_skill_inside_a_merger_counts_as_one_part(make_skill):
 def test_a_large_sharpness_lets_the_strongest_component_act_alone(make_skill):
     rng = np.random.default_rng(5)
     parts = [make_skill(rng, n_components=3) for _ in range(2)]
-    merged = merge(parts, gate="experts", sharpness=2000.0)
+    merged = merge(parts, gate="experts", parameters={"sharpness": 2000.0})
     x = np.concatenate([part.means for part in parts])
     weights = merged.responsibilities(x)
     strongest = np.hstack([part.responsibilities(x) for part in parts])
@@ -160,7 +171,7 @@ def test_with_a_common_p_every_merger_shrinks_the_distance_everywhere(
         parts,
         part_weights=rng.uniform(1e-3, 1, count),
         gate=gate,
-        sharpness=gamma if gate == "experts" else 1.0,
+        parameters={"sharpness": gamma} if gate == "experts" else {},
         speed=2.0,
     )
     x = merged.attractor + rng.normal(0, 1, (100, dimension)) * 10 ** rng.uniform(-3, 3, (100, 1))
@@ -198,7 +209,7 @@ def test_a_common_p_that_is_found_makes_the_merger_possible(make_skill):
     found = common_lyapunov_of(parts)
     merged = merge(parts, lyapunov=found)
     assert (merged.lyapunov == found).all()
-    assert decay_rates(found, merged.component_matrices).min() > 0
+    assert QuadraticForm(found).rates(merged.component_matrices).min() > 0
 
 
 def test_a_new_p_changes_no_velocity_and_reaches_every_leaf(make_skill):
@@ -229,9 +240,12 @@ def test_a_part_that_already_shares_its_p_keeps_it(make_skill):
         ({"part_weights": [1.0, -2.0]}, "part weights: must be positive"),
         ({"part_weights": [1.0, np.nan]}, "part weights: must be positive"),
         ({"gate": "average"}, "gate: one of superposition, density, experts, not 'average'"),
-        ({"gate": "experts", "sharpness": 0.9}, "sharpness: must be at least 1, got 0.9"),
-        ({"gate": "experts", "sharpness": np.inf}, "sharpness: must be at least 1"),
-        ({"gate": "density", "sharpness": 2.0}, "sharpness: only the experts gate has one"),
+        ({"gate": "experts", "parameters": {"sharpness": 0.9}}, "sharpness: must be at least 1, got 0.9"),
+        ({"gate": "experts", "parameters": {"sharpness": np.inf}}, "sharpness: must be at least 1"),
+        (
+            {"gate": "density", "parameters": {"sharpness": 2.0}},
+            "sharpness: the density gate does not take it",
+        ),
         ({"speed": 0.0}, "speed: must be a positive number, got 0"),
         ({"speed": np.nan}, "speed: must be a positive number"),
         ({"target": [1.0, 2.0, 3.0]}, "target: expected 2 finite numbers"),
@@ -255,14 +269,14 @@ def test_parts_that_do_not_fit_are_refused_in_a_sentence(make_skill):
     refused("needs at least two skills, got 1", flat)
     refused("needs at least two skills, got 0")
     refused("skill 2 has 3 dimensions, skill 1 2", flat, make_skill(rng, dimension=3))
-    refused("unit of skill 2: rad; of skill 1: m", flat, replace(flat, space=StateSpace(("x", "y"), "rad")))
+    refused("unit of skill 2: rad; of skill 1: m", flat, replace(flat, space=Euclidean(("x", "y"), "rad")))
     refused(
         "frame of skill 2: cup; of skill 1: base",
         flat,
-        replace(flat, space=StateSpace(("x", "y"), frame="cup")),
+        replace(flat, space=Euclidean(("x", "y"), frame="cup")),
     )
     refused(
-        "names of skill 3: u, v; of skill 1: x, y", flat, flat, replace(flat, space=StateSpace(("u", "v")))
+        "names of skill 3: u, v; of skill 1: x, y", flat, flat, replace(flat, space=Euclidean(("u", "v")))
     )
     refused("skill 2 is a combined skill", flat, CombinedSkill((flat, flat), [0.5, 0.5]))
 

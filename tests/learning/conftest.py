@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Euclidean
 
 
 def minimum_jerk(phase: np.ndarray) -> np.ndarray:
@@ -35,7 +36,7 @@ def curved() -> Callable[..., DemonstrationSet]:
             bow = 0.12 * np.sin(np.pi * s) * sideways if dimension > 1 else 0.0
             positions = scale * ((1 - s) * start + bow)
             demonstrations.append(Demonstration.from_positions(2.0 * phase, positions, f"reach {index}"))
-        return DemonstrationSet(tuple(demonstrations), StateSpace.cartesian(dimension))
+        return DemonstrationSet(tuple(demonstrations), Euclidean.cartesian(dimension))
 
     return build
 
@@ -52,7 +53,7 @@ def lasa() -> Callable[[str], DemonstrationSet]:
         demos = scipy.io.loadmat(folder / f"{name}.mat", simplify_cells=True)["demos"]
         return DemonstrationSet(
             tuple(Demonstration(d["t"], d["pos"].T * 1e-3, d["vel"].T * 1e-3) for d in demos),
-            StateSpace.cartesian(2),
+            Euclidean.cartesian(2),
         )
 
     return read

@@ -13,9 +13,10 @@ from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.select import component_limit
 from skillctl.learning.solve import Progress
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 
 Curved = Callable[..., DemonstrationSet]
 FAST = LearnOptions(preset="fast", n_components=4)
@@ -167,7 +168,7 @@ def test_one_long_demonstration_carries_the_usual_number_of_components(curved: C
 @pytest.mark.parametrize("count", [1, 4])
 def test_components_can_be_selected(curved: Curved, count: int) -> None:
     straight = [Demonstration.from_positions(d.times, d.positions[:, :1]) for d in curved(count=count)]
-    line = DemonstrationSet(tuple(straight), StateSpace.cartesian(1))
+    line = DemonstrationSet(tuple(straight), Euclidean.cartesian(1))
     result = fit(line, LearnOptions(n_components="auto", preset="fast"))
     assert 1 <= result.skill.n_components <= 10
 
@@ -209,12 +210,13 @@ SCRIPT = """
 import hashlib, numpy as np
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Euclidean
 t = np.linspace(0, 1, 80)[:, None]
 g = np.random.default_rng(0)
 demos = [Demonstration.from_positions(t[:, 0], (1 - t**2) * g.normal(1, 0.1, 3) + 0.1 * np.sin(3 * t))
          for _ in range(3)]
-s = fit(DemonstrationSet(tuple(demos), StateSpace.cartesian(3)), LearnOptions(preset="fast")).skill
+s = fit(DemonstrationSet(tuple(demos), Euclidean.cartesian(3)), LearnOptions(preset="fast")).skill
 print(hashlib.sha256(s.system_matrices.tobytes() + s.means.tobytes() + s.priors.tobytes()).hexdigest())
 """
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from skillctl.errors import InputDataError
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Euclidean
 
 TIMES = np.linspace(0, 2, 201)
 
@@ -45,20 +46,20 @@ def test_what_is_no_motion_is_refused_with_its_source(times, positions, words):
 def test_a_set_has_one_space():
     flat = Demonstration.from_positions(TIMES, np.sin(TIMES)[:, None], "flat")
     with pytest.raises(InputDataError, match="flat: 1 dimensions, but flat has 2"):
-        DemonstrationSet((flat,), StateSpace.cartesian(2))
+        DemonstrationSet((flat,), Euclidean.cartesian(2))
     with pytest.raises(InputDataError, match="no demonstrations"):
-        DemonstrationSet((), StateSpace.cartesian(2))
+        DemonstrationSet((), Euclidean.cartesian(2))
 
 
 def test_the_extent_is_the_diagonal_of_the_box():
     motion = Demonstration.from_positions([0.0, 1.0, 2.0], [[0.0, 0.0], [3.0, 1.0], [1.0, 4.0]])
-    both = DemonstrationSet((motion, motion), StateSpace.cartesian(2))
+    both = DemonstrationSet((motion, motion), Euclidean.cartesian(2))
     assert both.extent == 5.0
     assert both.translated(np.array([9.0, 9.0])).extent == 5.0
     assert len(both) == len(list(both)) == 2
 
 
 def test_names_of_a_cartesian_space():
-    assert StateSpace.cartesian(3).names == ("x", "y", "z")
-    assert StateSpace.cartesian(7).names[-1] == "q7"
-    assert StateSpace.cartesian(2).dimension == 2
+    assert Euclidean.cartesian(3).names == ("x", "y", "z")
+    assert Euclidean.cartesian(7).names[-1] == "q7"
+    assert Euclidean.cartesian(2).dimension == 2

@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from skillctl.errors import InvalidModelError, UsageError
-from skillctl.model.demonstration import StateSpace
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import attractors_of, density_of, retargeted
+from skillctl.model.skill import retargeted
+from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
 # What rounding may do to a velocity computed in another order: the weights' logits reach a few thousand
@@ -32,7 +32,7 @@ def direct_velocity(skill, x):
 def scale_of(skill, x):
     """A bound of the velocity: what errors are relative to."""
     sizes = np.linalg.norm(skill.component_matrices, 2, axis=(1, 2)).max()
-    return sizes * np.abs(x - attractors_of(skill)[0]).max() * skill.dimension
+    return sizes * np.abs(x - skill.attractors[0]).max() * skill.dimension
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 7])
@@ -129,7 +129,7 @@ def test_speed_multiplies_velocities(make_skill):
 def test_a_leaf_is_its_own_leaf_and_knows_its_density(make_skill):
     skill = make_skill(np.random.default_rng(0))
     assert skill.leaves == (skill,)
-    assert density_of(skill) is skill.density
+    assert skill.density is skill.density
 
 
 def test_its_arrays_are_read_only(make_skill):
@@ -150,7 +150,7 @@ def test_its_arrays_are_read_only(make_skill):
         ({"speed": 0.0}, "speed: must be a positive number"),
         ({"speed": np.inf}, "speed: must be a positive number"),
         ({"speed": 1e308}, "speed: 1e[+]308 times the system matrices is beyond float64"),
-        ({"space": StateSpace.cartesian(3)}, "space"),
+        ({"space": Euclidean.cartesian(3)}, "space"),
         ({"density": GaussianMixture([1.0], [[0.0]], [[[1.0]]])}, "density"),
     ],
 )

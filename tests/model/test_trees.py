@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 
 from skillctl.errors import InvalidModelError, UsageError
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import MERGE_GATES as RECORDS
+from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import (
-    MERGE_GATES,
-    CombinedSkill,
-    MergedSkill,
-    attractors_of,
-    density_of,
-    retargeted,
-)
+from skillctl.model.skill import retargeted
+from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
+MERGE_GATES = [gate.name for gate in RECORDS]
 RELATIVE = 1e5 * EPS  # logits of a few thousand, right to a few ulps, decide weights
 
 
@@ -30,6 +27,11 @@ def parts(make_skill):
 @pytest.fixture
 def states():
     return np.random.default_rng(12).normal(0, 0.3, (60, 2))
+
+
+def sharp(gate, sharpness):
+    """The parameters of a gate, as sharp as given if it has a sharpness."""
+    return {"sharpness": sharpness} if gate == "experts" else {}
 
 
 def close(one, other, states):
@@ -53,17 +55,17 @@ def test_merging_a_skill_with_itself_changes_nothing(parts, states, gate):
 def test_the_order_of_the_parts_does_not_matter(parts, states, gate):
     weights = np.array([0.2, 0.3, 0.5])
     order = [2, 0, 1]
-    merged = MergedSkill(parts, weights, gate, 2.0)
-    permuted = MergedSkill(tuple(parts[i] for i in order), weights[order], gate, 2.0)
+    merged = MergedSkill(parts, weights, gate, parameters=sharp(gate, 2.0))
+    permuted = MergedSkill(tuple(parts[i] for i in order), weights[order], gate, parameters=sharp(gate, 2.0))
     assert close(merged, permuted, states)
 
 
 @pytest.mark.parametrize("gate", MERGE_GATES)
 @pytest.mark.parametrize("distance", [1.0, 1e6, 1e120, 1e200, 1e300])
 def test_merged_weights_are_a_mixture_at_any_distance(parts, states, gate, distance):
-    merged = MergedSkill(parts, [0.2, 0.3, 0.5], gate, 3.0)
+    merged = MergedSkill(parts, [0.2, 0.3, 0.5], gate, parameters=sharp(gate, 3.0))
     weights = merged.responsibilities(distance * states)
-    shares = merged.part_gates(distance * states)
+    shares = merged.part_weights_at(distance * states)
     assert weights.shape == (60, 9)
     assert shares.shape == (60, 3)
     for mixture in (weights, shares):
@@ -85,14 +87,19 @@ def test_speeds_on_the_way_multiply(parts, states):
 
 @pytest.mark.parametrize("gate", MERGE_GATES)
 def test_one_state_and_many_states_agree(parts, states, gate):
-    merged = MergedSkill(parts, [0.2, 0.3, 0.5], gate, 2.0)
+    merged = MergedSkill(parts, [0.2, 0.3, 0.5], gate, parameters=sharp(gate, 2.0))
     one = np.stack([merged.velocity(state) for state in states])
     assert np.abs(one - merged.velocity(states)).max() <= RELATIVE * np.abs(one).max()
 
 
 def test_moving_a_tree_moves_every_leaf(parts, states):
     offset = np.array([0.5, -1.0])
-    tree = MergedSkill((MergedSkill(parts[:2], [0.5, 0.5], "density"), parts[2]), [0.3, 0.7], "experts", 2.0)
+    tree = MergedSkill(
+        (MergedSkill(parts[:2], [0.5, 0.5], "density"), parts[2]),
+        [0.3, 0.7],
+        "experts",
+        parameters=sharp("experts", 2.0),
+    )
     moved = tree.translated(offset)
     difference = moved.velocity(states + offset) - tree.velocity(states)
     assert np.abs(difference).max() <= RELATIVE * np.abs(tree.velocity(states)).max()
@@ -106,7 +113,7 @@ def test_the_density_of_a_merger_is_the_weighted_sum(parts, states):
         w * np.exp(part.density.log_density(states))
         for w, part in zip(merged.part_weights, parts, strict=True)
     )
-    assert np.abs(np.exp(density_of(merged).log_density(states)) / expected - 1).max() <= RELATIVE
+    assert np.abs(np.exp(merged.density.log_density(states)) / expected - 1).max() <= RELATIVE
 
 
 def test_parts_of_a_merger_share_attractor_p_and_space(make_skill, parts):
@@ -116,7 +123,7 @@ def test_parts_of_a_merger_share_attractor_p_and_space(make_skill, parts):
     with pytest.raises(InvalidModelError, match="one Lyapunov matrix"):
         MergedSkill((parts[0], replace(parts[1], lyapunov=2 * np.eye(2))), [0.5, 0.5])
     with pytest.raises(InvalidModelError, match="state spaces differ"):
-        MergedSkill((parts[0], replace(parts[1], space=StateSpace(("x", "y"), "rad"))), [0.5, 0.5])
+        MergedSkill((parts[0], replace(parts[1], space=Euclidean(("x", "y"), "rad"))), [0.5, 0.5])
 
 
 @pytest.mark.parametrize(
@@ -125,8 +132,9 @@ def test_parts_of_a_merger_share_attractor_p_and_space(make_skill, parts):
         ({"part_weights": [0.5, 0.5]}, "part_weights: expected shape"),
         ({"part_weights": [0.5, 0.5, 0.5]}, "part_weights: must be positive and sum to one"),
         ({"gate": "mean"}, "gate: one of superposition, density, experts"),
-        ({"sharpness": 0.5}, "sharpness: must be at least 1"),
-        ({"sharpness": np.nan}, "sharpness: must be at least 1"),
+        ({"gate": "experts", "parameters": {"sharpness": 0.5}}, "sharpness: must be at least 1"),
+        ({"gate": "experts", "parameters": {"sharpness": np.nan}}, "sharpness: must be at least 1"),
+        ({"parameters": {"sharpness": 2.0}}, "the superposition gate does not take it"),
         ({"speed": -1.0}, "speed: must be a positive number"),
         ({"speed": 1e308}, "beyond float64"),
         ({"parts": ()}, "parts: at least one is needed"),
@@ -189,12 +197,12 @@ def test_covariances_too_small_for_rounding_still_give_velocities_between_those_
 
 
 def test_attractors_of_a_combined_skill(combined):
-    assert attractors_of(combined).tolist() == [[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]
+    assert combined.attractors.tolist() == [[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]
     assert not combined.aligned
     same = CombinedSkill(tuple(retargeted(p, [1.0, 1.0]) for p in combined.parts), combined.part_priors)
     assert same.aligned
-    assert attractors_of(same).tolist() == [[1.0, 1.0]]
-    assert attractors_of(retargeted(same, [1 / 3, 2.0])).tolist() == [[1 / 3, 2.0]]
+    assert same.attractors.tolist() == [[1.0, 1.0]]
+    assert retargeted(same, [1 / 3, 2.0]).attractors.tolist() == [[1 / 3, 2.0]]
     with pytest.raises(UsageError, match="3 attractors"):
         retargeted(combined, [0.0, 0.0])
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
-from skillctl.model.skill import CombinedSkill, MergedSkill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
+from skillctl.model.space import Euclidean
 from skillctl.plotting.portrait import Portrait, portrait_of
 
 
@@ -56,7 +58,7 @@ def portrait(make_skill: Callable[..., Any]) -> Callable[..., Portrait]:
         name: str = "skill",
     ) -> Portrait:
         rng = np.random.default_rng(7)
-        space = StateSpace(StateSpace.cartesian(dimension).names, unit=unit)  # type: ignore[arg-type]
+        space = Euclidean(Euclidean.cartesian(dimension).names, unit=unit)  # type: ignore[arg-type]
         goals = np.full(dimension, 0.02), np.full(dimension, 0.5 if kind == "combined" else 0.02)
         p = (
             np.eye(dimension)

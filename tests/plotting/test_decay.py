@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.model.contraction import decay_rates
+from skillctl.model.lyapunov import QuadraticForm
 from skillctl.plotting.decay import decay, distances
 
 
@@ -44,7 +44,7 @@ def test_it_is_the_logarithmic_derivative_of_the_distance(portrait, kind):
 def test_no_place_decays_slower_than_the_components(portrait):
     skill = portrait(2).skill
     places = np.random.default_rng(3).uniform(-1, 1, (2000, 2))
-    slowest = decay_rates(skill.lyapunov, skill.component_matrices).min()
+    slowest = QuadraticForm(skill.lyapunov).rates(skill.component_matrices).min()
     assert decay(skill, places).min() >= slowest * (1 - 1e-9)
 
 

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.contour import QuadContourSet
 from matplotlib.patches import Circle, Ellipse
 
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.space import Euclidean
 from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import MOST_PROFILES, draw_fit
 from skillctl.plotting.flow import widest_speed
@@ -266,7 +266,7 @@ def test_other_dimensions_show_how_the_distance_shrinks(portrait, lines, dimensi
 def test_names_are_written_as_they_are(portrait, texts):
     name = "$\\frac{$\n</svg>"
     shown = portrait(2, name=name)
-    names = StateSpace(("$a$", "关"))
+    names = Euclidean(("$a$", "关"))
     named = replace(shown, skill=replace(shown.skill, space=names))
     figure = draw_skill(named, "learned")
     assert any(text.startswith("$\\frac{$") and "\n" not in text for text in texts(figure))

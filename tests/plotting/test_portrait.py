@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.space import Euclidean
 from skillctl.plotting.portrait import POINTS, Scale, box_around, motions_from, portrait_of
 
 
@@ -71,5 +71,5 @@ def test_a_motion_knows_its_speed(portrait):
     [("m", 0.1, (1e3, "mm")), ("m", 1.0, (1.0, "m")), ("rad", 0.1, (1.0, "rad"))],
 )
 def test_small_lengths_are_told_in_millimetres_and_angles_never(unit, extent, told):
-    scale = Scale.of(StateSpace(("x", "y"), unit=unit), extent)
+    scale = Scale.of(Euclidean(("x", "y"), unit=unit), extent)
     assert (scale.factor, scale.unit) == told

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skillctl.model.demonstration import StateSpace
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 
 MakeLinear = Callable[..., SedsSkill]
 
@@ -25,7 +25,7 @@ def linear() -> MakeLinear:
         matrix: object = None,
         centre: tuple[float, ...] | None = None,
         spread: float = 0.1,
-        space: StateSpace | None = None,
+        space: Euclidean | None = None,
     ) -> SedsSkill:
         d = len(target)
         middle = np.array([target if centre is None else centre])
@@ -39,7 +39,7 @@ def linear() -> MakeLinear:
             attractor=np.array(target),
             lyapunov=np.eye(d),
             density=GaussianMixture(np.ones(1), middle, covariance),
-            space=StateSpace.cartesian(d) if space is None else space,
+            space=Euclidean.cartesian(d) if space is None else space,
         )
 
     return make
@@ -61,7 +61,7 @@ def reach() -> SedsSkill:
         attractor=target,
         lyapunov=np.eye(3),
         density=GaussianMixture(np.array([0.5, 0.5]), means, covariances),
-        space=StateSpace.cartesian(3),
+        space=Euclidean.cartesian(3),
     )
 
 
@@ -79,5 +79,5 @@ def stroke() -> SedsSkill:
         attractor=np.zeros(2),
         lyapunov=np.eye(2),
         density=GaussianMixture(np.array([0.5, 0.5]), means, covariances),
-        space=StateSpace.cartesian(2),
+        space=Euclidean.cartesian(2),
     )

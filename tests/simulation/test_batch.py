@@ -13,7 +13,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.errors import GoalNotReachedError, UsageError
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.batch import BATCH_OUTCOMES, Row, run_batch, run_row
 from skillctl.simulation.overview import FAILURE, PARTS, SUCCESS, encode_overview
 from skillctl.simulation.run import simulate

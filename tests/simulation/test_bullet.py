@@ -88,15 +88,15 @@ print("last")
     prelude = f"""
 import sys, types
 import numpy as np
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.space import Euclidean
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 one = np.ones(1)
 square = np.array([np.eye(3)])
 target = np.array({skill.attractor.tolist()})
 module = types.ModuleType("tests_skill")
 module.skill = SedsSkill(one, target[None], square, -2 * square, square, target, square[0],
-                         GaussianMixture(one, target[None], square), StateSpace.cartesian(3))
+                         GaussianMixture(one, target[None], square), Euclidean.cartesian(3))
 sys.modules["tests_skill"] = module
 """
     # Left to itself C keeps its text and prints it at the end of the process, when nothing is silenced.

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import UsageError
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.check import check
 from skillctl.simulation.run import simulate

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skillctl.model.skill import CombinedSkill
+from skillctl.model.combined import CombinedSkill
 from skillctl.simulation.disturbances import Perception, Schedule, jumped, last_end
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.placement import Placement

@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import UsageError
-from skillctl.model.skill import CombinedSkill, SedsSkill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.episode import PHASES, Episode, RefusedError
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
-from skillctl.model.skill import CombinedSkill, SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.motion import Motion, plan_motion
 from skillctl.simulation.placement import Placement

@@ -11,7 +11,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from PIL import Image
 
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ARMS, ArmBody
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.episode import Episode

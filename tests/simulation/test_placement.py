@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillctl.errors import UsageError
-from skillctl.model.demonstration import StateSpace
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 from skillctl.simulation.arm import ARMS
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
@@ -62,7 +62,7 @@ def test_a_2d_skill_of_the_arms_own_size_keeps_it(linear: object) -> None:
 
 def test_coordinate_names_choose_the_plane(linear: object) -> None:
     for names in (("x", "y"), ("x", "z"), ("y", "z")):
-        skill = linear((0.0, 0.0), space=StateSpace(names))  # type: ignore[operator]
+        skill = linear((0.0, 0.0), space=Euclidean(names))  # type: ignore[operator]
         placement = placed(skill)
         assert placement.plane == "".join(names)
         axes = ["xyz".index(name) for name in names]
@@ -83,10 +83,10 @@ def test_the_pull_to_the_plane_leaves_the_skill_alone(stroke: SedsSkill) -> None
 
 @pytest.mark.parametrize(
     "space",
-    [StateSpace(("x",)), StateSpace.cartesian(4), StateSpace(("q1", "q2", "q3"), unit="rad")],
+    [Euclidean(("x",)), Euclidean.cartesian(4), Euclidean(("q1", "q2", "q3"), unit="rad")],
     ids=["1-D", "4-D", "joints"],
 )
-def test_what_is_no_hand_position_is_refused(linear: object, space: StateSpace) -> None:
+def test_what_is_no_hand_position_is_refused(linear: object, space: Euclidean) -> None:
     skill = linear((0.0,) * space.dimension, space=space)  # type: ignore[operator]
     with pytest.raises(UsageError) as refusal:
         placed(skill)

@@ -12,7 +12,8 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import GoalNotReachedError, UsageError
-from skillctl.model.skill import CombinedSkill, SedsSkill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody, DrivenArm
 from skillctl.simulation.episode import Episode
 from skillctl.simulation.run import simulate

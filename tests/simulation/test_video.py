@@ -11,7 +11,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image, ImageSequence
 
 from skillctl.errors import NotFoundError, UsageError
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.episode import Episode
 from skillctl.simulation.frame import TARGET, TRAIL
 from skillctl.simulation.run import simulate

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import MERGE_GATES
+from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill, MergedSkill
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least, at_most
 
@@ -188,12 +190,17 @@ def test_extreme_numbers_get_an_answer(make_skill, matrix, p, verdict):
 
 
 @settings(deadline=None, max_examples=15)
-@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(1, 4), gate=st.integers(0, 2))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(1, 4),
+    gate=st.sampled_from([gate.name for gate in MERGE_GATES]),
+)
 def test_the_rate_bounds_the_decay_of_every_motion(make_skill, seed, dimension, gate):
     rng = np.random.default_rng(seed)
     p = random_p(rng, dimension)
     parts = tuple(make_skill(rng, dimension=dimension, lyapunov=p, rate=0.2) for _ in range(2))
-    skill = MergedSkill(parts, [0.3, 0.7], ("superposition", "density", "experts")[gate], 2.0, speed=1.2)
+    parameters = {"sharpness": 2.0} if gate == "experts" else {}
+    skill = MergedSkill(parts, [0.3, 0.7], gate, speed=1.2, parameters=parameters)
     rate = certify(skill).rate
     start = rng.normal(0, 0.3, dimension)
     times = np.linspace(0, 3, 31)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import CombinedSkill
 from skillctl.stability.certificate import certify
 from skillctl.stability.region import DensityBounds, certified_radius
 

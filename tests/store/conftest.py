@@ -15,9 +15,13 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
+from skillctl.model.space import Euclidean
 from skillctl.store import errors
 
 
@@ -39,12 +43,12 @@ def seds(seed: int, d: int = 2, k: int = 3, m: int = 2, *, attractor=None, speed
         attractor=np.full(d, 0.25) if attractor is None else np.asarray(attractor),
         lyapunov=np.diag(np.arange(1.0, d + 1)),
         density=GaussianMixture(rng.dirichlet(np.full(m, 5.0)), rng.normal(size=(m, d)), definite(rng, m, d)),
-        space=StateSpace.cartesian(d),
+        space=Euclidean.cartesian(d),
         speed=speed,
     )
 
 
-def taught(seed: int, space: StateSpace, count: int = 2) -> DemonstrationSet:
+def taught(seed: int, space: Euclidean, count: int = 2) -> DemonstrationSet:
     rng = np.random.default_rng(seed)
     demonstrations = []
     for index in range(count):
@@ -84,7 +88,7 @@ def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
 def skills() -> dict[str, Skill]:
     a, b, c = seds(1), seds(2, k=1, m=1, speed=0.1), seds(3, k=4)
     merged = MergedSkill((a, b), np.array([0.3, 0.7]), "density", speed=1.7)
-    nested = MergedSkill((merged, c), np.array([0.1, 0.9]), "experts", sharpness=2.5)
+    nested = MergedSkill((merged, c), np.array([0.1, 0.9]), "experts", parameters={"sharpness": 2.5})
     combined = CombinedSkill(
         (nested, seds(4, attractor=(3, 4))), np.array([0.5, 0.5]), "instantaneous", 0.1, 0.9
     )

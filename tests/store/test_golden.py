@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from skillctl import store
-from skillctl.model.skill import CombinedSkill, CombineGate, MergedSkill, MergeGate
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.skill import CombineGate, MergeGate
 
 ARCHIVES = Path(__file__).parents[1] / "archives"
 TABLE = (ARCHIVES / "v1" / "README.md").read_text(encoding="utf-8")
@@ -69,7 +71,7 @@ def test_archived_numbers_are_the_ones_that_were_written():
     merged, other = read.skill.parts
     left, right = merged.parts
     assert (read.skill.gate, read.skill.disturbance_distance, read.skill.speed) == ("latched", 0.0625, 2.0)
-    assert (merged.gate, merged.sharpness, merged.speed) == ("experts", 2.0, 0.5)
+    assert (merged.gate, dict(merged.parameters), merged.speed) == ("experts", {"sharpness": 2.0}, 0.5)
     assert merged.part_weights.tolist() == [0.25, 0.75]
     assert (right.means - left.means == 1).all()
     assert other.attractor.tolist() == [3.0, 4.0]

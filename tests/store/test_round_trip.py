@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 
 from skillctl import store
 from skillctl.errors import InvalidModelError, StoreError
-from skillctl.model.demonstration import StateSpace
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.merged import MergedSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 
 LEAF_ARRAYS = (
     "priors",
@@ -37,7 +39,12 @@ def exact(skill):
         return ("seds", skill.speed.hex(), skill.space, *((a.shape, a.tobytes()) for a in arrays))
     parts = tuple(exact(part) for part in skill.parts)
     if isinstance(skill, MergedSkill):
-        numbers = (skill.part_weights.tobytes(), skill.gate, skill.sharpness.hex(), skill.speed.hex())
+        numbers = (
+            skill.part_weights.tobytes(),
+            skill.gate,
+            sorted(skill.parameters.items()),
+            skill.speed.hex(),
+        )
         return ("merged", parts, *numbers)
     numbers = (skill.part_priors.tobytes(), skill.gate, skill.disturbance_distance.hex(), skill.speed.hex())
     return ("combined", parts, *numbers)
@@ -180,7 +187,7 @@ def test_no_demonstration_says_more_than_printable_text(make_seds, wrap):
 def test_a_state_space_that_cannot_be_written_is_refused(make_seds, wrap):
     from dataclasses import replace
 
-    skill = replace(make_seds(1), space=StateSpace(("x", "y\n")))
+    skill = replace(make_seds(1), space=Euclidean(("x", "y\n")))
     with pytest.raises(InvalidModelError, match=r"state\.names\.1: .* control characters"):
         store.encode(wrap(skill))
 

@@ -71,7 +71,7 @@ def make(folder: Path) -> dict[str, bytes]:
 
     both = merged("merged superposition", [a, b], part_weights=(0.3, 0.7), target=(0.05, 0.0))
     merged("merged density", [a, b, c], gate="density", speed=1.5)
-    merged("merged experts", [a, c], gate="experts", sharpness=2.0)
+    merged("merged experts", [a, c], gate="experts", parameters={"sharpness": 2.0})
     nested = merged("merged of merged", [both, bare(c)], gate="density")
     combined("combined latched", [a, b])
     combined("combined latched aligned", [a, b, c], align=True, target=(0.0, 0.1))

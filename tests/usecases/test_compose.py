@@ -9,9 +9,9 @@ import pytest
 
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.learning.options import LearnOptions
-from skillctl.model.demonstration import StateSpace
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import SedsSkill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 from skillctl.store import Artifact, Operation, current_provenance, encode, read_skill, write_file
 from skillctl.store.source import open_skill
 from skillctl.usecases.combine import CombineOptions, combine
@@ -39,7 +39,7 @@ def shear(strength: float, upper: bool) -> SedsSkill:
         attractor=np.zeros(2),
         lyapunov=lyapunov,
         density=GaussianMixture(np.ones(1), np.array([[0.2, 0.1]]), 0.01 * eye),
-        space=StateSpace.cartesian(2),
+        space=Euclidean.cartesian(2),
     )
 
 

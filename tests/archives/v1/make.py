@@ -14,11 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from skillctl import store
-from skillctl.model.demonstration import Demonstration, DemonstrationSet, StateSpace
+from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import CombinedSkill, MergedSkill, SedsSkill, Skill
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
+from skillctl.model.space import Euclidean
 
-SPACE = StateSpace(("x", "y"), unit="m", frame="base")
+SPACE = Euclidean(("x", "y"), unit="m", frame="base")
 
 
 def seds(offset: float, attractor: tuple[float, float] = (0.5, -0.25)) -> SedsSkill:
@@ -51,7 +55,7 @@ def joints() -> SedsSkill:
         density=GaussianMixture(
             np.array([0.5, 0.5]), np.array([[1.0, 0.0, -1.0], [0.0, 0.5, -0.5]]), np.stack([np.eye(3)] * 2)
         ),
-        space=StateSpace(("shoulder", "elbow", "wrist"), unit="rad", frame="arm"),
+        space=Euclidean(("shoulder", "elbow", "wrist"), unit="rad", frame="arm"),
     )
 
 
@@ -107,7 +111,9 @@ def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command:
 def archive() -> dict[str, store.Artifact]:
     """Return the artifacts by file name."""
     left, right, other = seds(0.0), seds(1.0), seds(-1.0, (3.0, 4.0))
-    merged = MergedSkill((left, right), np.array([0.25, 0.75]), "experts", sharpness=2.0, speed=0.5)
+    merged = MergedSkill(
+        (left, right), np.array([0.25, 0.75]), "experts", speed=0.5, parameters={"sharpness": 2.0}
+    )
     combined = CombinedSkill((merged, other), np.array([0.5, 0.5]), "latched", 0.0625, 2.0)
     halves, taught = np.array([0.5, 0.5]), (demonstrations(0.0), demonstrations(1.0))
     added, dense = (

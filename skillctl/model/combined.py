@@ -1,0 +1,155 @@
+"""A combined skill: several skills of which one alone acts at any time (Section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray, Frozen, IntArray, frozen_array, require_positive, require_simplex
+from skillctl.errors import InvalidModelError, UsageError
+from skillctl.model.gated import StackedDensities
+from skillctl.model.gates import combine_gate
+from skillctl.model.mixture import GaussianMixture, softmax
+from skillctl.model.skill import ActingSkill, Kind, Skill, joined_density, require_parts
+from skillctl.model.space import Space
+
+if TYPE_CHECKING:
+    from skillctl.model.seds import SedsSkill
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CombinedSkill(Frozen, Skill):
+    """Several skills of which one alone acts at any time (Section 3.2).
+
+    Part i = argmax_j (log βⱼ + log pⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
+    jumps by more than ``disturbance_distance`` from where the last command should have led (the
+    ``Controller`` owns that memory). ``instantaneous``: chosen anew at every instant.
+
+    Attributes:
+        parts: Learned or merged skills of one space; attractors may differ (multi-stable) or agree (aligned).
+        part_priors: βᵢ > 0, summing to one. Shape (number of parts,).
+        gate: One of ``model.gates.COMBINE_GATES``.
+        disturbance_distance: In the unit of the space.
+        speed: α > 0, a factor on all velocities.
+    """
+
+    kind: ClassVar[Kind] = "combined"
+    parameters: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    parts: tuple[ActingSkill, ...]
+    part_priors: FloatArray
+    gate: str = "latched"
+    disturbance_distance: float = 0.02
+    speed: float = 1.0
+    _densities: StackedDensities = field(init=False, repr=False)
+    _log_priors: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        require_parts(self.parts, self.speed)
+        priors = frozen_array("part_priors", self.part_priors, (len(self.parts),))
+        require_simplex("part_priors", priors)
+        object.__setattr__(self, "part_priors", priors)
+        try:
+            combine_gate(self.gate)
+        except UsageError as error:
+            raise InvalidModelError(str(error)) from error
+        require_positive("disturbance_distance", self.disturbance_distance)
+        object.__setattr__(self, "_densities", StackedDensities([part.density for part in self.parts]))
+        object.__setattr__(self, "_log_priors", np.log(priors))
+
+    @property
+    def shares(self) -> FloatArray:
+        """The part priors."""
+        return self.part_priors
+
+    @property
+    def space(self) -> Space:
+        """Names, unit and frame of the state."""
+        return self.parts[0].space
+
+    @property
+    def leaves(self) -> tuple[SedsSkill, ...]:
+        """The learned skills this one is made of, from left to right."""
+        return tuple(leaf for part in self.parts for leaf in part.leaves)
+
+    @property
+    def acting_parts(self) -> tuple[ActingSkill, ...]:
+        """The parts."""
+        return self.parts
+
+    @property
+    def outer_speed(self) -> float:
+        """The speed of the whole."""
+        return self.speed
+
+    @property
+    def reselects(self) -> bool:
+        """Whether the gate is instantaneous."""
+        return combine_gate(self.gate).reselects
+
+    @property
+    def part_attractors(self) -> FloatArray:
+        """The attractor of each part. Shape (number of parts, d)."""
+        return np.stack([part.attractor for part in self.parts])
+
+    @property
+    def attractors(self) -> FloatArray:
+        """The attractor of each part, or the one that all share. Shape (n, d)."""
+        ends = self.part_attractors
+        return ends[:1] if self.aligned else ends
+
+    @property
+    def aligned(self) -> bool:
+        """Whether all parts share one attractor."""
+        ends = self.part_attractors
+        return bool((ends == ends[0]).all())
+
+    @property
+    def density(self) -> GaussianMixture:
+        """Position density of all that the parts were taught."""
+        return joined_density(self.parts, self.part_priors)
+
+    def part_scores(self, positions: npt.ArrayLike) -> FloatArray:
+        """Return log βᵢ + log pᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
+        x = self.space.states(positions)
+        return np.asarray(self._densities.many(x).T + self._log_priors)
+
+    def part_at(self, states: npt.ArrayLike) -> IntArray:
+        """Return the index of the part whose region each state (n, d) lies in. Shape (n,)."""
+        return np.asarray(np.argmax(self.part_scores(states), axis=1), dtype=np.int64)
+
+    def part_weights_at(self, states: FloatArray) -> FloatArray:
+        """Return βᵢ pᵢ / Σⱼ βⱼ pⱼ at states (n, d): the largest part acts alone. Shape (n, parts)."""
+        return softmax(self.part_scores(states).T).T
+
+    def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
+        """Return ξ̇ for one state (d,), which is not checked; ``part`` acts, else that of its region."""
+        if part is None:
+            part = self.selected(state)
+        velocity = self.parts[part].velocity_at(state)
+        return velocity if self.speed == 1.0 else self.speed * velocity
+
+    def selected(self, state: FloatArray) -> int:
+        """Return the index of the part whose region one state (d,) lies in."""
+        return int((self._densities.at(state) + self._log_priors).argmax())
+
+    def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
+        chosen = self.part_at(states) if parts is None else parts
+        velocities = np.empty_like(states)
+        for index in np.unique(chosen):
+            mask = chosen == index
+            velocities[mask] = self.speed * self.parts[index].velocity(states[mask])
+        return velocities
+
+    def translated(self, offset: FloatArray) -> CombinedSkill:
+        """Return the same motion, moved by ``offset`` (d,): all attractors move together."""
+        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))
+
+    def with_leaves(self, change: Callable[[SedsSkill], SedsSkill]) -> CombinedSkill:
+        """Return the same combination of changed leaves."""
+        return replace(self, parts=tuple(part.with_leaves(change) for part in self.parts))
