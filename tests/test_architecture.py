@@ -12,7 +12,7 @@ import pytest
 import skillctl
 
 PACKAGE = Path(skillctl.__file__).parent
-LEAVES = {"errors", "arrays", "progress", "geometry"}
+LEAVES = {"errors", "arrays", "progress", "geometry", "options"}
 TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
     "learning",
