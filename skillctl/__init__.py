@@ -27,16 +27,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skillctl.adapt.options import TaskOptions
+    from skillctl.compose.options import CombineOptions, MergeOptions
+    from skillctl.demonstrations.options import Reading
     from skillctl.errors import SkillctlError
     from skillctl.learning.options import LearnOptions
     from skillctl.model.controller import Controller
     from skillctl.model.rollout import rollout
     from skillctl.simulation.scenario import Scenario
-    from skillctl.usecases.combine import CombineOptions, combine
+    from skillctl.usecases.combine import combine
     from skillctl.usecases.files import load, save
     from skillctl.usecases.inspect import inspect
-    from skillctl.usecases.learn import Reading, learn
-    from skillctl.usecases.merge import MergeOptions, TaskOptions, merge
+    from skillctl.usecases.learn import learn
+    from skillctl.usecases.merge import merge
     from skillctl.usecases.simulate import simulate
     from skillctl.usecases.verify_stability import verify
 
@@ -64,14 +67,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CombineOptions": "skillctl.usecases.combine",
+    "CombineOptions": "skillctl.compose.options",
     "Controller": "skillctl.model.controller",
     "LearnOptions": "skillctl.learning.options",
-    "MergeOptions": "skillctl.usecases.merge",
-    "Reading": "skillctl.usecases.learn",
+    "MergeOptions": "skillctl.compose.options",
+    "Reading": "skillctl.demonstrations.options",
     "Scenario": "skillctl.simulation.scenario",
     "SkillctlError": "skillctl.errors",
-    "TaskOptions": "skillctl.usecases.merge",
+    "TaskOptions": "skillctl.adapt.options",
     "combine": "skillctl.usecases.combine",
     "inspect": "skillctl.usecases.inspect",
     "learn": "skillctl.usecases.learn",

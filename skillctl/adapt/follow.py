@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from skillctl import metrics
+from skillctl.adapt.options import FitLevel
 from skillctl.adapt.weights import scaled_components
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.learning.options import LearnOptions
@@ -16,9 +16,6 @@ from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.skill import ActingSkill, contraction_period
 from skillctl.model.stepper import moved
-
-FitLevel: TypeAlias = Literal["part", "component"]
-FIT_LEVELS: tuple[FitLevel, ...] = ("part", "component")
 
 PERIOD = LearnOptions().period  # [s] of a controller; the result keeps it if its parts do
 RATE_SHARE = 0.2  # of the slowest part's rate, at the fitted speed, the result decays with at least

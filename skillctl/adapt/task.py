@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from skillctl import metrics
-from skillctl.adapt.follow import FitLevel, follow, slowed
+from skillctl.adapt.follow import follow, slowed
+from skillctl.adapt.options import FitLevel
 from skillctl.adapt.weights import adapt as adapt_weights
 from skillctl.arrays import FloatArray
 from skillctl.compose.merge import merge as merge_skills

@@ -83,8 +83,8 @@ def combine(
 
     Without --align every skill keeps its own target, so that where a motion starts decides where it ends.
     """
+    from skillctl.compose.options import CombineOptions
     from skillctl.store import locate
-    from skillctl.usecases.combine import CombineOptions
     from skillctl.usecases.combine import combine as combine_skills
     from skillctl.usecases.make import finish_target, require_target
 

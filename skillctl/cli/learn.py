@@ -161,8 +161,8 @@ def learn(
     Nothing is written unless the proof holds. The same files and options give the same bytes; learning them
     again says "up to date" and only sets the time of FILE.h5.
     """
+    from skillctl.demonstrations.options import Reading
     from skillctl.learning.options import LearnOptions
-    from skillctl.usecases.learn import Reading
     from skillctl.usecases.learn import learn as learn_skill
     from skillctl.usecases.make import finish_target, require_target
     from skillctl.workers import Workers

@@ -145,10 +145,11 @@ def merge(
     The target is --target, else the mean end of the demonstrations of --fit, else the weighted mean of the
     skills' targets. Combined skills cannot be merged.
     """
+    from skillctl.adapt.options import TaskOptions
+    from skillctl.compose.options import MergeOptions
+    from skillctl.demonstrations.options import Reading
     from skillctl.store import locate, parse_reference
-    from skillctl.usecases.learn import Reading
     from skillctl.usecases.make import finish_target, require_target
-    from skillctl.usecases.merge import MergeOptions, TaskOptions
     from skillctl.usecases.merge import merge as merge_skills
 
     reading: dict[str, Any] = {
@@ -174,7 +175,9 @@ def merge(
             store=store,
             lock=lock,
             note=message,
-            options=MergeOptions(weights, gate, sharpness, speed, target),
+            options=MergeOptions(
+                weights, gate, {"sharpness": sharpness} if sharpness != 1 else {}, speed, target
+            ),
             task=TaskOptions(tuple(fit), fit_level, from_store, Reading(**given)) if fit else None,
             refit=not no_refit,
             force=force,

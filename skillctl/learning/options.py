@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from skillctl.errors import UsageError
+from skillctl.options import option, require_choices
 
 Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
 Metric: TypeAlias = Literal["learned", "euclidean"]
 Preset: TypeAlias = Literal["fast", "default", "quality"]
-OBJECTIVES: tuple[Objective, ...] = ("reproduction", "mse", "likelihood")
-METRICS: tuple[Metric, ...] = ("learned", "euclidean")
-PRESETS: tuple[Preset, ...] = ("fast", "default", "quality")
+OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
+METRICS: tuple[Metric, ...] = get_args(Metric)
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+
+LEARNING = "Learning"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,16 @@ EFFORTS: dict[Preset, Effort] = {
 }
 
 
+def read_components(text: str) -> int | Literal["auto"]:
+    """Read a number of components, or ``auto``; or raise ValueError."""
+    if text == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is neither a number nor auto.") from None
+
+
 @dataclass(frozen=True, slots=True)
 class LearnOptions:
     """Options of ``fit``.
@@ -66,22 +79,41 @@ class LearnOptions:
             continuous-time stability.
     """
 
-    objective: Objective = "reproduction"
-    metric: Metric = "learned"
-    n_components: int | Literal["auto"] | None = None
-    preset: Preset = "default"
-    seed: int = 0
-    slowest_rate: float = 0.03
-    period: float = 0.01
+    objective: Objective = option(
+        "reproduction",
+        group=LEARNING,
+        help="reproduction: velocities and whole motions; mse: velocities; likelihood: Eq. 6.",
+    )
+    metric: Metric = option(
+        "learned",
+        group=LEARNING,
+        help="In which distance the motion approaches the target: learned from the data, or plain.",
+    )
+    n_components: int | Literal["auto"] | None = option(
+        name="components",
+        read=read_components,
+        metavar="N|auto",
+        group=LEARNING,
+        help="Number of Gaussian components; auto: chosen by the error on demonstrations left out. "
+        "Default: 7 (9 with --preset quality), or fewer for little data.",
+    )
+    preset: Preset = option("default", group=LEARNING, help="How much work to spend.")
+    seed: int = option(0, metavar="N", group=LEARNING, help="Of the random starts.")
+    slowest_rate: float = option(
+        0.03,
+        metavar="R",
+        group=LEARNING,
+        help="Decay that every component keeps at least, in the motion's own unit of time.",
+    )
+    period: float = option(
+        0.01,
+        metavar="S",
+        group=LEARNING,
+        help="Controller period in seconds that the proof must cover; 0: any.",
+    )
 
     def __post_init__(self) -> None:
-        for name, value, valid in (
-            ("objective", self.objective, OBJECTIVES),
-            ("metric", self.metric, METRICS),
-            ("preset", self.preset, PRESETS),
-        ):
-            if value not in valid:
-                raise UsageError(f"{name}: one of {', '.join(valid)}, not {value!r}.")
+        require_choices(self)
         if isinstance(self.n_components, int) and self.n_components < 1:
             raise UsageError(f"components: at least 1, not {self.n_components}.")
         if not 0 < self.slowest_rate <= 1:

@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 from skillctl.adapt.refit import Refit
 from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
-from skillctl.arrays import FloatArray
-from skillctl.compose.combine import combine as combine_skills
+from skillctl.compose.options import CombineOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
 from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
@@ -81,34 +80,6 @@ class CombineReport:
     notes: tuple[str, ...]
     status: Literal["combined", "up to date"] = "combined"
     reasons: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class CombineOptions:
-    """How parts are combined; see ``skillctl.compose.combine``.
-
-    Attributes:
-        calibrate: Choose the priors by the parts' embedded demonstrations.
-    """
-
-    part_priors: tuple[float, ...] | None = None
-    gate: str = "latched"
-    align: bool = False
-    target: tuple[float, ...] | None = None
-    disturbance_distance: float | None = None
-    calibrate: bool = False
-
-    def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
-        """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""
-        return combine_skills(
-            parts,
-            part_priors=self.part_priors,
-            gate=self.gate,
-            align=self.align,
-            target=self.target,
-            disturbance_distance=self.disturbance_distance,
-            lyapunov=lyapunov,
-        )
 
 
 def combine(

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from skillctl.demonstrations.reader import ReadResult, read_demonstrations
+from skillctl.demonstrations.options import Reading
+from skillctl.demonstrations.reader import ReadResult
 from skillctl.evaluate.errors import HeldOut, report_errors
 from skillctl.evaluate.left_out import LeftOut, held_out, leave_out_in_turn
 from skillctl.learning.fit import Fit, fit
@@ -32,32 +33,6 @@ from skillctl.usecases.make import reasons_to_make
 from skillctl.usecases.proof import LEARN_AGAIN, require_stable
 
 Status: TypeAlias = Literal["learned", "up to date"]
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How the files are read; see ``skillctl.demonstrations.read_demonstrations``."""
-
-    input_format: str | None = None
-    columns: tuple[str, ...] | None = None
-    dt: float | None = None
-    units: Literal["m", "mm", "rad"] | None = None
-    scale: float = 1.0
-    demos: tuple[int, ...] | None = None
-    frame: str = "base"
-
-    def read(self, paths: Sequence[Path]) -> ReadResult:
-        """Return the demonstrations in the files."""
-        return read_demonstrations(
-            paths,
-            input_format=self.input_format,
-            columns=self.columns,
-            dt=self.dt,
-            units=self.units,
-            scale=self.scale,
-            select=self.demos,
-            frame=self.frame,
-        )
 
 
 @dataclass(frozen=True)

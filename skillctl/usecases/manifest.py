@@ -26,11 +26,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from skillctl.demonstrations.options import Reading
 from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
 from skillctl.learning.options import LearnOptions, Metric, Objective, Preset
 from skillctl.toml_files import read_toml
 from skillctl.usecases.destination import Destination
-from skillctl.usecases.learn import LearnRequest, Reading
+from skillctl.usecases.learn import LearnRequest
 from skillctl.usecases.ranges import read_ranges
 
 HINT = "`skillctl learn --help` says what each option means; skillctl/docs/pipelines.md shows a manifest."

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from skillctl.adapt.candidates import candidates_from_store, require_same_space
-from skillctl.adapt.follow import FitLevel
+from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.refit import Refit
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
 from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
-from skillctl.arrays import FloatArray
-from skillctl.compose.merge import merge as merge_skills
+from skillctl.compose.options import MergeOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
 from skillctl.model.merged import MergedSkill
-from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -28,7 +26,6 @@ from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
 from skillctl.store.source import Source
 from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.learn import Reading
 from skillctl.usecases.make import CANDIDATES, candidates_digest, reasons_to_make
 from skillctl.usecases.parts import (
     PartSummary,
@@ -100,46 +97,6 @@ class MergeReport:
     reasons: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class MergeOptions:
-    """How parts are merged; see ``skillctl.compose.merge``."""
-
-    part_weights: tuple[float, ...] | None = None
-    gate: str = "superposition"
-    sharpness: float = 1.0
-    speed: float = 1.0
-    target: tuple[float, ...] | None = None
-
-    def merge(self, parts: Sequence[Skill], lyapunov: FloatArray) -> MergedSkill:
-        """Return the merged skill under a common Lyapunov matrix (d, d)."""
-        return merge_skills(
-            parts,
-            part_weights=self.part_weights,
-            gate=self.gate,
-            parameters={} if self.sharpness == 1 else {"sharpness": self.sharpness},
-            speed=self.speed,
-            target=self.target,
-            lyapunov=lyapunov,
-        )
-
-
-@dataclass(frozen=True)
-class TaskOptions:
-    """What a merger is fitted to.
-
-    Attributes:
-        demonstrations: Files with demonstrations of the new task.
-        level: One weight per part, or ``component``: also one factor per component.
-        from_store: Take the parts from all skills of the store that have the same state space.
-        reading: How the files are read.
-    """
-
-    demonstrations: tuple[Path, ...]
-    level: FitLevel = "part"
-    from_store: bool = False
-    reading: Reading = field(default_factory=Reading)
-
-
 def merge(
     skills: Sequence[str | Path],
     *,
@@ -185,7 +142,7 @@ def merge(
     if task is not None:
         return _merge_for_task(skills, destination, lock, options, task, refit, force, plot, progress)
     sources = open_parts(skills, store, lock)
-    operation = Operation(command="merge", options={**asdict(options), "refit": refit})
+    operation = Operation(command="merge", options={**options.recorded(), "refit": refit})
     reasons = reasons_to_make(current[0] if current else None, operation, (), note, parents_of(sources))
     if current is not None and not reasons and not force:
         return _kept(current, sources, plot)
@@ -286,7 +243,7 @@ def _require_free_weights(options: MergeOptions) -> None:
     for given, what in (
         (options.part_weights is not None, "weights"),
         (options.gate != "superposition", "gate"),
-        (options.sharpness != 1, "sharpness"),
+        *((True, name) for name in options.parameters),
         (options.speed != 1, "speed"),
     ):
         if given:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
 from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import NotFoundError, UsageError
@@ -16,9 +17,9 @@ from skillctl.evaluate.errors import mean_dtw
 from skillctl.progress import Progress
 from skillctl.simulation.scenario import Scenario
 from skillctl.stability.report import Verdict
-from skillctl.usecases.combine import CombineOptions, combine
+from skillctl.usecases.combine import combine
 from skillctl.usecases.learn import learn
-from skillctl.usecases.merge import MergeOptions, merge
+from skillctl.usecases.merge import merge
 from skillctl.usecases.simulate import SimulateReport, simulate
 from skillctl.usecases.verify_stability import verify
 

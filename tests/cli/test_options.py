@@ -7,7 +7,7 @@ from typing import get_args, get_type_hints
 import pytest
 import typer
 
-from skillctl.adapt.follow import FIT_LEVELS
+from skillctl.adapt.options import FIT_LEVELS
 from skillctl.cli import options, scene
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.recording import Unit

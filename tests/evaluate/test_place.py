@@ -7,11 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.errors import UsageError
-from skillctl.usecases.combine import CombineOptions, combine
+from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load
 from skillctl.usecases.inspect import inspect
-from skillctl.usecases.merge import MergeOptions, merge
+from skillctl.usecases.merge import merge
 
 
 @pytest.fixture

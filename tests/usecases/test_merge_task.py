@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.task import fit_to_task, task_distances
 from skillctl.compose.lyapunov import common_lyapunov_of
+from skillctl.compose.options import MergeOptions
+from skillctl.demonstrations.options import Reading
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.store import read_skill
 from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load
-from skillctl.usecases.learn import Reading
-from skillctl.usecases.merge import MergeOptions, TaskOptions, merge
+from skillctl.usecases.merge import merge
 from skillctl.usecases.verify_stability import verify
 
 

@@ -1,0 +1,62 @@
+"""What a user may choose about reading demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from skillctl.options import option, read_ranges, read_words
+
+if TYPE_CHECKING:
+    from skillctl.demonstrations.reader import ReadResult
+
+READING = "Reading the demonstrations"
+# What ``input_format`` may force; spelt again because ``formats`` imports NumPy.
+FORMATS = ("csv", "tum", "npz", "robomimic", "lasa", "lpvds")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the files are read; see ``skillctl.demonstrations.reader.read_demonstrations``."""
+
+    input_format: str | None = option(choices=FORMATS, group=READING, help="Default: told from the content.")
+    columns: tuple[str, ...] | None = option(
+        read=read_words,
+        metavar="X,Y,Z",
+        group=READING,
+        help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
+        "of a robomimic dataset. Default: x, y, z, or all but the time; robot0_eef_pos.",
+    )
+    dt: float | None = option(
+        metavar="S", group=READING, help="Seconds between samples, if the file has no time."
+    )
+    units: Literal["m", "mm", "rad"] | None = option(
+        group=READING, help="Unit of the positions. Default: the format's own, else m."
+    )
+    scale: float = option(1.0, metavar="F", group=READING, help="Multiply all positions.")
+    demos: tuple[int, ...] | None = option(
+        read=read_ranges,
+        metavar="0,2,5-9",
+        group=READING,
+        help="Use these demonstrations only, counted from 0 over all files.",
+    )
+    frame: str = option(
+        "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
+    )
+
+    def read(self, paths: Sequence[Path]) -> ReadResult:
+        """Return the demonstrations in the files."""
+        from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
+
+        return read_demonstrations(
+            paths,
+            input_format=self.input_format,
+            columns=self.columns,
+            dt=self.dt,
+            units=self.units,
+            scale=self.scale,
+            select=self.demos,
+            frame=self.frame,
+        )

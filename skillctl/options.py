@@ -1,0 +1,156 @@
+"""What a user may choose, declared once: dataclass fields that say how they are called, read and explained.
+
+    @dataclass(frozen=True)
+    class Reading:
+        dt: float | None = option(None, metavar="S", help="Seconds between samples.")
+
+Everybody who needs to know the choices reads these fields: the command line makes its options of them, a
+manifest its keys, a skill its record of how it was made. Only the standard library is imported here, for
+``--help`` must not wait for anything heavier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields
+from functools import cache
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from skillctl.errors import UsageError
+
+# Headings under which options of several commands stand.
+MOTION = "The motion"
+RESULT = "The result"
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How one choice is offered.
+
+    Attributes:
+        help: What it does.
+        metavar: A word for its value, from which completion, too, knows what fits: ``F.png``.
+        group: Heading under which the help shows it.
+        name: Its long name if the field's own, with dashes, is another.
+        short: Its short name: ``-o``.
+        choices: Texts that it can be. By default those of the field's ``Literal``.
+        read: Turns one text into the value; a ValueError says what was expected.
+        repeated: Given once for each entry of a tuple.
+        environment: Variable that is read where the option is not given.
+        required: It has to be given.
+        named: Options of their own that together make one mapping from their names to numbers.
+    """
+
+    help: str = ""
+    metavar: str | None = None
+    group: str | None = None
+    name: str | None = None
+    short: str | None = None
+    choices: tuple[str, ...] = ()
+    read: Callable[[str], Any] | None = None
+    repeated: bool = False
+    environment: str | None = None
+    required: bool = False
+    named: tuple[Named, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A number that has a name only at run time, such as a parameter of a gate."""
+
+    name: str
+    default: float
+    help: str
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """A field that a user may choose: its name, its type, its default, and how it is offered."""
+
+    field: str
+    kind: Any
+    default: Any
+    option: Option
+
+    @property
+    def key(self) -> str:
+        """The long name, without dashes in front: ``slowest-rate``."""
+        return self.option.name or self.field.replace("_", "-")
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """Texts that it can be; none if anything goes."""
+        return self.option.choices or (() if self.option.read else literals(self.kind))
+
+
+def option(default: Any = None, **offered: Any) -> Any:
+    """Return a dataclass field that users may choose; the keywords are those of ``Option``."""
+    return field(default=default, metadata={Option: Option(**offered)})
+
+
+@cache
+def options_of(kind: Any) -> tuple[Declared, ...]:
+    """Return what users may choose of a dataclass, in the order of its fields."""
+    hints = get_type_hints(kind)
+    return tuple(
+        Declared(each.name, hints[each.name], each.default, each.metadata[Option])
+        for each in fields(kind)
+        if Option in each.metadata
+    )
+
+
+def changed(values: Any) -> Iterator[Declared]:
+    """Yield the options of a dataclass instance that have another value than the default."""
+    kind: Any = type(values)
+    return (each for each in options_of(kind) if getattr(values, each.field) != each.default)
+
+
+def require_choices(values: Any) -> None:
+    """Raise UsageError if a field of a dataclass instance has choices and is none of them."""
+    kind: Any = type(values)
+    for each in options_of(kind):
+        value = getattr(values, each.field)
+        if each.choices and value not in (*each.choices, each.default):
+            raise UsageError(f"{each.key}: one of {', '.join(each.choices)}, not {value!r}.")
+
+
+def literals(kind: Any) -> tuple[str, ...]:
+    """Return the texts of a ``Literal``, or of one that may also be None."""
+    if get_origin(kind) is Literal:
+        return get_args(kind)
+    return next(filter(None, map(literals, get_args(kind))), ())
+
+
+def is_optional(kind: Any) -> bool:
+    """Return whether a type allows None."""
+    return type(None) in get_args(kind)
+
+
+def read_numbers(text: str) -> tuple[float, ...]:
+    """Read ``1,2.5,-3``, or raise ValueError."""
+    return _listed(text, float, "numbers separated by commas, as in 0.4,0,0.5")
+
+
+def read_words(text: str) -> tuple[str, ...]:
+    """Read ``x,y,z``, or raise ValueError."""
+    return _listed(text, str, "names separated by commas, as in x,y,z")
+
+
+def read_ranges(text: str) -> tuple[int, ...]:
+    """Read ``0,2,5-9``, or raise ValueError."""
+    numbers: list[int] = []
+    for first, dash, last in (part.strip().partition("-") for part in text.split(",")):
+        if not first.isdecimal() or (dash and not last.isdecimal()) or (dash and int(last) < int(first)):
+            raise ValueError(f"{text!r} is not a list of numbers from 0 on, as in 0,2,5-9.")
+        numbers.extend(range(int(first), int(last or first) + 1))
+    return tuple(numbers)
+
+
+def _listed(text: str, read: Callable[[str], Any], expected: str) -> tuple[Any, ...]:
+    try:
+        parts = [part.strip() for part in text.split(",")]
+        if "" in parts:
+            raise ValueError
+        return tuple(read(part) for part in parts)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a list of {expected}.") from None
