@@ -3,7 +3,7 @@
     from skillctl import Controller, learn, load, simulate, verify
 
     report = learn(["1.csv", "2.csv"], name="reach", store="skills")
-    skill = load("reach", store="skills")  # or load(report.path)
+    skill = load("reach", store="skills")  # or load(report.written.path)
     skill.velocity([0.42, 0.0, 0.55])  # one state (d,) or many (n, d), in metres → metres per second
 
     certificate = verify(skill)  # .verdict, .rate [1/s], .period [s]

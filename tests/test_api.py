@@ -20,7 +20,7 @@ EXAMPLE = "\n".join(re.findall(r"^    (.*)$", skillctl.__doc__, re.MULTILINE))
 def test_the_example_of_the_docstring_runs(reach_files, tmp_path):
     for number, file in enumerate(reach_files, start=1):
         (tmp_path / f"{number}.csv").write_bytes(file.read_bytes())
-    code = f"{EXAMPLE}\nassert report.path.samefile('skills/reach/1.h5')\nprint(command.shape)"
+    code = f"{EXAMPLE}\nassert report.written.path.samefile('skills/reach/1.h5')\nprint(command.shape)"
     command = [sys.executable, "-W", "error", "-c", code]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (0, "(3,)\n"), result.stderr
@@ -31,7 +31,7 @@ def test_a_type_checker_knows_every_name_and_no_other(tmp_path):
     (good := tmp_path / "good.py").write_text(
         f"from skillctl import {', '.join(names)}\n{EXAMPLE}\n"
         'merged = merge(["a", "b.h5"], output="c.h5", options=MergeOptions(speed=0.5))\n'
-        "rate: float | None = merged.rate\n"
+        "rate: float | None = merged.certificate.rate\n"
     )
     (bad := tmp_path / "bad.py").write_text("from skillctl import lern, learn\nlearn(data=1)\n")
     command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache")]
@@ -63,7 +63,9 @@ def test_other_names_are_refused():
 def test_paths_may_be_text(library, tmp_path):
     report = skillctl.merge(["curve", "hook"], output=str(tmp_path / "m.h5"), store=str(library))
     skill = skillctl.load(str(tmp_path / "m.h5"))
-    assert skillctl.verify(skill).rate == report.rate == skillctl.verify(str(tmp_path / "m.h5")).rate
+    assert (
+        skillctl.verify(skill).rate == report.certificate.rate == skillctl.verify(str(tmp_path / "m.h5")).rate
+    )
     moved = skill.translated(np.array([0.1, 0.0]))
     path = skillctl.save(moved, str(tmp_path / "moved.h5"))
     state = np.array([0.2, 0.1])

@@ -84,24 +84,23 @@ def prove_together(
     wanted = SLOW_SHARE * speed * min(_own_rate(source.skill) for source in sources)
     if found is not None and found.rate >= wanted:
         return found
-    if found is None and not refit:
+    embedded = all(taught is not None for source in sources for taught in source.artifact.demonstrations)
+    if refit and (found is None or embedded):
+        again = _learned_again(sources, build, progress)
+        if found is None:
+            return again
+        if again.rate > found.rate:
+            note = (
+                "one Lyapunov matrix for the skills as they were would prove a decay of "
+                f"{at_least(found.rate)} 1/s only; learned again, {at_least(again.rate)} 1/s are proved."
+            )
+            return replace(again, notes=(note,))
+    if found is None:
         raise FitError(
             f"no one Lyapunov matrix proves {conflict_of(sources)}.",
             hint="Leave out --no-refit to learn them again under a common one.",
         )
-    embedded = all(taught is not None for source in sources for taught in source.artifact.demonstrations)
-    again = _learned_again(sources, build, progress) if refit and (found is None or embedded) else None
-    if again is None or (found is not None and again.rate <= found.rate):
-        assert found is not None  # else refitting was tried, and gave a proof or an error
-        return found
-    if found is None:
-        return again
-    note = (
-        f"one Lyapunov matrix for the skills as they were would prove a decay of "
-        f"{at_least(found.rate)} 1/s only; "
-        f"learned again, {at_least(again.rate)} 1/s are proved."
-    )
-    return replace(again, notes=(note,))
+    return found
 
 
 def _as_they_are(sources: Sequence[Source], build: Build, speed: float) -> Together | None:

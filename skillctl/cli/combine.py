@@ -86,7 +86,7 @@ def combine(
     from skillctl.compose.options import CombineOptions
     from skillctl.store import locate
     from skillctl.usecases.combine import combine as combine_skills
-    from skillctl.usecases.make import finish_target, require_target
+    from skillctl.usecases.target import finish_target, require_target
 
     output: Output = context.obj
     lock = options.chosen_lock(locked)
@@ -107,7 +107,7 @@ def combine(
         )
     parts = [locate(part.skill, store).path for part in report.parts]
     parts += [lock.path] if lock is not None else []
-    finish_target(output_file, parts, created=report.created, depfile=depfile, if_changed=if_changed)
+    finish_target(output_file, parts, created=report.written.created, depfile=depfile, if_changed=if_changed)
     words.explain(output, report.notes, report.reasons if explain else ())
     for sentence in report.not_guaranteed:
         output.note(f"warning: not guaranteed: {sentence}")
@@ -119,15 +119,15 @@ def combine(
 def blocks(report: CombineReport) -> list[render.Block]:
     """Return the report for people."""
     if report.status == "up to date":
-        return [words.up_to_date(report.skill, "skills")]
+        return [words.up_to_date(report.written.skill, "skills")]
     headings, coverage = _coverage(report)
     ends = report.attractors[:1] if report.aligned else report.attractors
     facts = (
-        *words.written(report.skill, report.path, report.digest, report.created),
+        *words.written(report.written),
         ("gate", report.gate),
         ("attractors", "   ".join(words.point(end, report.unit) for end in ends)),
         ("selects again after", words.length(report.disturbance_distance, report.unit)),
-        *words.proof(report.verdict, report.rate, report.period, report.scope),
+        *words.proof(report.certificate),
     )
     again = [words.refits(report.refits, report.unit)] if report.refits else []
     return [words.parts(report.parts, "prior"), *again, render.Table(headings, coverage), render.Facts(facts)]

@@ -129,7 +129,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         ("digest", report.digest),
         ("kind", " ".join([report.kind, *_how(report.tree)])),
         ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
-        *words.proof(certificate.verdict, certificate.rate, certificate.period, certificate.scope),
+        *words.proof(certificate),
         *words.held_out(HeldOut.recorded(report.operation.results), space.unit),
     )
     rows = tuple(

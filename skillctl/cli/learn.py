@@ -164,7 +164,7 @@ def learn(
     from skillctl.demonstrations.options import Reading
     from skillctl.learning.options import LearnOptions
     from skillctl.usecases.learn import learn as learn_skill
-    from skillctl.usecases.make import finish_target, require_target
+    from skillctl.usecases.target import finish_target, require_target
     from skillctl.workers import Workers
 
     output: Output = context.obj
@@ -196,7 +196,7 @@ def learn(
             plot=plot,
             progress=progress,
         )
-    finish_target(output_file, paths, created=report.created, depfile=depfile, if_changed=if_changed)
+    finish_target(output_file, paths, created=report.written.created, depfile=depfile, if_changed=if_changed)
     words.explain(output, report.notes, report.reasons if explain else ())
     output.result(report, lambda: blocks(report))
 
@@ -204,13 +204,13 @@ def learn(
 def blocks(report: LearnReport) -> list[render.Block]:
     """Return the report for people."""
     if report.status == "up to date":
-        return [words.up_to_date(report.skill, "files")]
+        return [words.up_to_date(report.written.skill, "files")]
     facts = render.Facts(
         (
-            *words.written(report.skill, report.path, report.digest, report.created),
+            *words.written(report.written),
             ("components", str(report.n_components)),
             ("attractor", words.point(report.attractor, report.unit)),
-            *words.proof("stable", report.rate, report.period),
+            *words.proof(report.certificate),
             *words.held_out(report.held_out, report.unit),
         )
     )

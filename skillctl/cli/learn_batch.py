@@ -73,14 +73,14 @@ def _row(outcome: SkillOutcome) -> tuple[str, ...]:
     report = outcome.report
     if report is None:
         return (outcome.skill, outcome.outcome, *[words.NONE] * 5)
-    rate, _, frequency = words.rate_and_period(report.rate, report.period)
+    rate, _, frequency = words.rate_and_period(report.certificate.rate, report.certificate.period)
     distances = [each.dtw for each in report.demonstrations if each.dtw is not None]
     return (
-        report.skill,
+        report.written.skill,
         outcome.outcome,
         str(report.n_components),
         words.length(sum(distances) / len(distances) if distances else None, report.unit),
         rate,
         frequency,
-        words.short(report.digest),
+        words.short(report.written.digest),
     )

@@ -149,8 +149,8 @@ def merge(
     from skillctl.compose.options import MergeOptions
     from skillctl.demonstrations.options import Reading
     from skillctl.store import locate, parse_reference
-    from skillctl.usecases.make import finish_target, require_target
     from skillctl.usecases.merge import merge as merge_skills
+    from skillctl.usecases.target import finish_target, require_target
 
     reading: dict[str, Any] = {
         "input_format": input_format,
@@ -188,7 +188,11 @@ def merge(
     parts = [*files, *(locate(part.skill, store).path for part in report.parts)]
     parts += [lock.path] if lock is not None else []
     finish_target(
-        output_file, [*parts, *(fit or ())], created=report.created, depfile=depfile, if_changed=if_changed
+        output_file,
+        [*parts, *(fit or ())],
+        created=report.written.created,
+        depfile=depfile,
+        if_changed=if_changed,
     )
     words.explain(output, report.notes, report.reasons if explain else ())
     output.result(report, lambda: blocks(report))
@@ -222,21 +226,21 @@ def _require_task(
 def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
     if report.status == "up to date":
-        return [words.up_to_date(report.skill, "inputs")]
+        return [words.up_to_date(report.written.skill, "inputs")]
     blocks: list[render.Block] = [words.parts(report.parts, "weight")]
     if report.refits:
         blocks.append(words.refits(report.refits, report.unit))
     if report.task is not None:
         blocks.append(_errors(report.task, report.unit))
-    gate = report.gate if report.gate != "experts" else f"experts, sharpness {report.sharpness:g}"
+    gate = report.gate if report.gate != "experts" else words.gate(report.gate, report.parameters)
     facts = (
-        *words.written(report.skill, report.path, report.digest, report.created),
+        *words.written(report.written),
         ("gate", gate),
         ("speed", f"{report.speed:.4g}"),
         *_fit(report.task),
         ("attractor", words.point(report.attractor, report.unit)),
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
-        *words.proof("stable", report.rate, report.period),
+        *words.proof(report.certificate),
     )
     return [*blocks, render.Facts(facts)]
 

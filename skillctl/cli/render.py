@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 from skillctl.cli.errors import describe
 from skillctl.errors import SkillctlError, printable
 
-SCHEMA_VERSION = 1  # keys are only ever added under one version
+SCHEMA_VERSION = 2  # keys are only ever added under one version
 
 COLOURS = {
     "stable": "green",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from skillctl.adapt.refit import Refit
     from skillctl.cli.output import Output
     from skillctl.evaluate.errors import HeldOut
+    from skillctl.stability.report import Certificate
     from skillctl.store import DemonstrationReport
+    from skillctl.usecases.destination import Written
     from skillctl.usecases.parts import PartSummary
 
 NONE = "–"
@@ -50,17 +52,21 @@ def yes_no(value: bool | None) -> str:
     return NONE if value is None else ("yes" if value else "no")
 
 
-def proof(
-    verdict: str, rate: float | None, period: float | None, scope: str = "global"
-) -> tuple[tuple[str, str], ...]:
+def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
     """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
-    facts = [("verdict", verdict if scope == "global" else f"{verdict} ({scope} proof)")]
-    rate_text, period_text, frequency = rate_and_period(rate, period)
-    if rate is not None:
+    local = "" if certificate.scope == "global" else f" ({certificate.scope} proof)"
+    facts = [("verdict", f"{certificate.verdict}{local}")]
+    rate_text, period_text, frequency = rate_and_period(certificate.rate, certificate.period)
+    if certificate.rate is not None:
         facts.append(("decay rate", f"at least {rate_text}"))
-    if period is not None:
+    if certificate.period is not None:
         facts.append(("controller period", f"up to {period_text} ({frequency} or faster)"))
     return tuple(facts)
+
+
+def gate(name: str, parameters: Mapping[str, float]) -> str:
+    """Return a gate with its parameters."""
+    return "".join([name, *(f", {parameter} {value:g}" for parameter, value in parameters.items())])
 
 
 def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str, str]:
@@ -82,10 +88,10 @@ def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
     return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
 
 
-def written(skill: str, path: Path, digest: str, created: bool) -> tuple[tuple[str, str], ...]:
+def written(place: Written) -> tuple[tuple[str, str], ...]:
     """Return where a new skill is, and what it is."""
-    name = skill if created else f"{skill} (unchanged)"
-    return (("skill", name), ("file", near(path)), ("digest", digest))
+    name = place.skill if place.created else f"{place.skill} (unchanged)"
+    return (("skill", name), ("file", near(place.path)), ("digest", place.digest))
 
 
 def up_to_date(skill: str, inputs: str) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from skillctl.demonstrations.options import Reading
 from skillctl.demonstrations.reader import ReadResult
@@ -15,7 +15,6 @@ from skillctl.learning.fit import Fit, fit
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, embedded
 from skillctl.learning.solve import Progress as LearningProgress
-from skillctl.plotting.formats import require_picture
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
@@ -28,79 +27,55 @@ from skillctl.store import (
     input_record,
     require_room_for_records,
 )
-from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.make import reasons_to_make
-from skillctl.usecases.proof import LEARN_AGAIN, require_stable
+from skillctl.usecases.destination import Destination
+from skillctl.usecases.make import Made, MakeReport, Request, make, require_stable
 
-Status: TypeAlias = Literal["learned", "up to date"]
+LEARN_AGAIN = "Try --preset quality, another --seed, or fewer --components."
 
 
 @dataclass(frozen=True)
-class LearnRequest:
+class LearnRequest(Request):
     """What is to be learned, how, and where it goes; see ``learn``."""
 
-    paths: tuple[Path, ...]
-    destination: Destination
-    options: LearnOptions
-    reading: Reading
-    validated: bool
-    force: bool
-    plot: Path | None
+    paths: tuple[Path, ...] = ()
+    options: LearnOptions = field(default_factory=LearnOptions)
+    reading: Reading = field(default_factory=Reading)
+    validated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """What a request leads to, before it is written.
+class Details:
+    """What learning told besides the skill.
 
     Attributes:
-        artifact: The skill with all that belongs to it.
-        certificate: What is proved of it.
-        left_out: What was learned without one demonstration each, if anybody asked.
         notes: What was noticed about the input, and warnings of the learner.
-        reasons: Why it was learned, in words.
-        current: Where it is already; None if it has to be written.
+        left_out: What was learned without one demonstration each, if anybody asked.
     """
 
-    artifact: Artifact
-    certificate: Certificate
-    left_out: tuple[LeftOut, ...] = ()
     notes: tuple[str, ...] = ()
-    reasons: tuple[str, ...] = ()
-    current: Written | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
 
-@dataclass(frozen=True)
-class LearnReport:
+Learned: TypeAlias = Made[Details]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnReport(MakeReport):
     """What ``learn`` did.
 
     Attributes:
-        status: ``learned``, or ``up to date``: the same files and options gave what is there.
-        skill, path, digest: How to name it, where it is, what it is.
-        created: False if exactly this skill was there already.
         n_components, dimension, unit: Of the skill; unit of a position, ``m`` or ``rad``.
         attractor: Where it ends, in that unit.
-        rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
         demonstrations: How well it repeats each one.
         held_out: Errors on demonstrations left out, if they were asked for.
-        notes: What was noticed about the input, and warnings of the learner.
-        reasons: Why it was learned, in words; none if it was up to date.
     """
 
-    status: Status
-    skill: str
-    path: Path
-    digest: str
-    created: bool
     n_components: int
     dimension: int
     unit: str
     attractor: tuple[float, ...]
-    rate: float | None
-    period: float | None
     demonstrations: tuple[DemonstrationReport, ...]
     held_out: HeldOut | None
-    notes: tuple[str, ...]
-    reasons: tuple[str, ...] = ()
 
 
 def learn(
@@ -140,70 +115,78 @@ def learn(
         StoreError: More demonstrations than an artifact has room for, or it cannot be written.
     """
     request = LearnRequest(
-        paths=tuple(Path(path) for path in data),
         destination=Destination.at(output, name, store, note),
+        force=force,
+        plot=plot,
+        paths=tuple(Path(path) for path in data),
         options=options or LearnOptions(),
         reading=reading or Reading(),
         validated=validated,
-        force=force,
-        plot=plot,
     )
-    return finish(request, make(request, progress))
+    return finish(request, prepare(request, progress))
 
 
-def make(request: LearnRequest, progress: Progress | None = None) -> Made:
+def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
     """Return what a request leads to; nothing is written, so that this can be done anywhere.
 
     Raises:
         See ``learn``.
     """
-    if request.plot is not None:
-        require_picture(request.plot)
-    options, reading, validated = request.options, request.reading, request.validated
-    operation = Operation(command="learn", options=_recorded(options, reading, validated), seed=options.seed)
-    current = request.destination.current()
-    reasons = reasons_to_make(
-        current[0] if current else None, operation, request.paths, request.destination.note
-    )
-    if current is not None and not reasons and not request.force:
-        artifact, written = current
-        again: tuple[LeftOut, ...] = ()
-        if request.plot is not None and validated:  # what was left out was not kept: again, for the picture
-            again = leave_out_in_turn(reading.read(request.paths).demonstrations, options, progress)
-        return Made(artifact, certify(artifact.skill), again, current=written)
-    read = reading.read(request.paths)
-    provenance = _provenance(read)
-    require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
-    fitted = fit(read.demonstrations, options, progress=_adapted(progress))
-    certificate = certify(fitted.skill)
-    require_stable(certificate, LEARN_AGAIN)
-    left_out = leave_out_in_turn(read.demonstrations, options, progress) if validated else ()
-    artifact = _artifact(fitted, operation, provenance, held_out(left_out) if left_out else None)
-    return Made(
-        artifact,
-        certificate,
-        left_out,
-        notes=(*read.notes, *fitted.warnings),
-        reasons=reasons or ("it was asked for",),
-    )
+    options, reading = request.options, request.reading
+    recorded = _recorded(options, reading, request.validated)
+    operation = Operation(command="learn", options=recorded, seed=options.seed)
+
+    def build() -> tuple[Artifact, Certificate, Details]:
+        read = reading.read(request.paths)
+        provenance = _provenance(read)
+        require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
+        fitted = fit(read.demonstrations, options, progress=_adapted(progress))
+        certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
+        left_out = _left_out(read, request, progress)
+        artifact = _artifact(fitted, operation, provenance, held_out(left_out) if left_out else None)
+        return artifact, certificate, Details((*read.notes, *fitted.warnings), left_out)
+
+    made = make(request, operation, build, inputs=request.paths)
+    if made.details is None and request.plot is not None and request.validated:
+        # What was left out was not kept: it is learned again, for the picture.
+        return replace(
+            made, details=Details(left_out=_left_out(reading.read(request.paths), request, progress))
+        )
+    return made
 
 
-def finish(request: LearnRequest, made: Made) -> LearnReport:
-    """Write what was made, unless it is there already, and return the report.
+def _left_out(read: ReadResult, request: LearnRequest, progress: Progress | None) -> tuple[LeftOut, ...]:
+    if not request.validated:
+        return ()
+    return leave_out_in_turn(read.demonstrations, request.options, progress)
+
+
+def finish(request: LearnRequest, learned: Learned) -> LearnReport:
+    """Write what was learned, unless it is there already, and return the report.
 
     Raises:
         StoreError: It cannot be written.
     """
-    written = made.current or request.destination.write(made.artifact)
+    fields, artifact, details = (
+        learned.write(request.destination, "learned"),
+        learned.artifact,
+        learned.details,
+    )
     if request.plot is not None:
-        _draw(written, made.artifact, made.left_out, request.plot)
-    return _report(made, written)
+        from skillctl.usecases.pictures import picture_fit  # late: only pictures need Matplotlib
 
-
-def _draw(written: Written, artifact: Artifact, left_out: Sequence[LeftOut], plot: Path) -> None:
-    from skillctl.usecases.pictures import picture_fit  # late: only pictures need Matplotlib
-
-    picture_fit(written.skill, artifact, left_out, plot)
+        picture_fit(fields["written"].skill, artifact, details.left_out if details else (), request.plot)
+    skill = artifact.skill
+    return LearnReport(
+        **fields,
+        notes=details.notes if details else (),
+        n_components=skill.n_components,
+        dimension=skill.dimension,
+        unit=skill.space.unit,
+        attractor=tuple(skill.attractors[0].tolist()),
+        demonstrations=artifact.reports,
+        held_out=HeldOut.recorded(artifact.operation.results),
+    )
 
 
 def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[str, Any]:
@@ -247,25 +230,4 @@ def _artifact(fitted: Fit, operation: Operation, provenance: Provenance, errors:
         operation=operation.model_copy(update={"results": results}),
         provenance=provenance,
         reports=tuple(report_errors(fitted.skill, fitted.demonstrations)),
-    )
-
-
-def _report(made: Made, written: Written) -> LearnReport:
-    skill = made.artifact.skill
-    return LearnReport(
-        status="up to date" if made.current else "learned",
-        skill=written.skill,
-        path=written.path,
-        digest=written.digest,
-        created=written.created,
-        n_components=skill.n_components,
-        dimension=skill.dimension,
-        unit=skill.space.unit,
-        attractor=tuple(skill.leaves[0].attractor.tolist()),
-        rate=made.certificate.rate,
-        period=made.certificate.period,
-        demonstrations=made.artifact.reports,
-        held_out=HeldOut.recorded(made.artifact.operation.results),
-        notes=made.notes,
-        reasons=made.reasons,
     )

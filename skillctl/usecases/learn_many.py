@@ -10,9 +10,9 @@ from typing import Literal, TypeAlias
 from skillctl.errors import SkillctlError, StoreError
 from skillctl.progress import Progress
 from skillctl.store import locate_store
-from skillctl.usecases.learn import LearnReport, LearnRequest, Made, finish, make
-from skillctl.usecases.make import finish_target
+from skillctl.usecases.learn import Learned, LearnReport, LearnRequest, finish, prepare
 from skillctl.usecases.manifest import Manifest, read_manifest
+from skillctl.usecases.target import finish_target
 from skillctl.workers import WorkerDied, Workers
 
 Outcome: TypeAlias = Literal["learned", "up to date", "failed"]
@@ -87,7 +87,7 @@ def learn_many(
     }
     numbers = list(requests)
 
-    def done(position: int, made: Made | SkillctlError | WorkerDied) -> None:
+    def done(position: int, made: Learned | SkillctlError | WorkerDied) -> None:
         number = numbers[position]
         outcome = outcomes[number] = _outcome(listed, number, requests[number], made)
         if progress is not None:
@@ -108,16 +108,16 @@ def _request(
         return error
 
 
-def _made(request: LearnRequest) -> Made | SkillctlError:
+def _made(request: LearnRequest) -> Learned | SkillctlError:
     """Learn one skill, in a worker; a failure is a result."""
     try:
-        return make(request)
+        return prepare(request)
     except SkillctlError as error:
         return error
 
 
 def _outcome(
-    manifest: Manifest, number: int, request: LearnRequest, made: Made | SkillctlError | WorkerDied
+    manifest: Manifest, number: int, request: LearnRequest, made: Learned | SkillctlError | WorkerDied
 ) -> SkillOutcome:
     """Write what was made, and say what became of it."""
     if isinstance(made, WorkerDied):
@@ -129,10 +129,11 @@ def _outcome(
         return _failed(manifest, number, made)
     try:
         report = finish(request, made)
-        finish_target(request.destination.file, request.paths, created=report.created)
+        finish_target(request.destination.file, request.paths, created=report.written.created)
     except SkillctlError as error:
         return _failed(manifest, number, error)
-    return SkillOutcome(manifest.skills[number].called, report.status, report, None)
+    outcome: Outcome = "learned" if report.status == "learned" else "up to date"
+    return SkillOutcome(manifest.skills[number].called, outcome, report, None)
 
 
 def _failed(manifest: Manifest, number: int, error: SkillctlError) -> SkillOutcome:

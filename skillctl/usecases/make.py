@@ -1,73 +1,153 @@
-"""What a build tool such as Make needs to know of a file that was made."""
+"""How a skill is made, whatever makes it: looked for, built if need be, proved, written, drawn."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from skillctl.errors import StoreError, UsageError
+from skillctl.errors import FitError
+from skillctl.plotting.formats import require_picture
+from skillctl.stability.certificate import certify
+from skillctl.stability.report import Certificate
 from skillctl.store import (
     Artifact,
     Operation,
     ParentRecord,
     current_provenance,
     input_fingerprint,
-    write_file,
 )
+from skillctl.usecases.destination import Destination, Written
 
 # The option that says, in one digest, which skills there were to choose from.
 CANDIDATES = "candidates"
+CHECK_PARTS = "`skillctl verify-stability SKILL…` says which skill is not proved; learn that one again."
+Details = TypeVar("Details")
+ASKED_FOR = ("it was asked for",)
 
 
-def require_target(output: Path | None, depfile: Path | None, if_changed: bool) -> None:
-    """Raise UsageError if a build tool's options are given without a file that they can be about."""
-    if output is None and (depfile is not None or if_changed):
-        raise UsageError(
-            f"{'--depfile' if depfile else '--if-changed'} is about a file, and none is written.",
-            hint="Give -o FILE.h5; versions in the store never change.",
-        )
+@dataclass(frozen=True, kw_only=True)
+class MakeReport:
+    """What making a skill came to.
+
+    Attributes:
+        status: ``learned``, ``merged`` or ``combined``; or ``up to date``: the same inputs and options gave
+            what is there, and nothing was computed again.
+        written: How to name the skill, where it is, what it is.
+        certificate: What is proved of it, derived now.
+        notes: What is worth knowing about it, in sentences.
+        reasons: Why it was made, in words; none if it was up to date.
+    """
+
+    status: str
+    written: Written
+    certificate: Certificate
+    notes: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def not_guaranteed(self) -> tuple[str, ...]:
+        """What is not proved, in sentences; empty if everything is."""
+        return (*self.certificate.failures, *self.certificate.evidence)
 
 
-def finish_target(
-    output: Path | None,
-    inputs: Iterable[Path],
+@dataclass(frozen=True)
+class Request:
+    """What all makers are asked.
+
+    Attributes:
+        destination: Where the skill goes.
+        force: Make it even if the same inputs and options gave what is there.
+        plot: Draw it there.
+    """
+
+    destination: Destination
+    force: bool = False
+    plot: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.plot is not None:
+            require_picture(self.plot)
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Generic[Details]):
+    """What a request leads to, before it is written.
+
+    Attributes:
+        artifact: The skill with all that belongs to it.
+        certificate: What is proved of it.
+        details: What else the report tells; None if the skill was there already.
+        reasons: Why it was built, in words.
+        current: Where it is already; None if it has to be written.
+    """
+
+    artifact: Artifact
+    certificate: Certificate
+    details: Details | None
+    reasons: tuple[str, ...] = ()
+    current: Written | None = None
+
+    def write(self, destination: Destination, status: str) -> dict[str, Any]:
+        """Write it unless it is there already, and return the fields of a `MakeReport`, but for its notes.
+
+        Args:
+            destination: Where to.
+            status: What is reported if it was built.
+
+        Raises:
+            StoreError: It cannot be written.
+        """
+        written = self.current or destination.write(self.artifact)
+        return {
+            "status": "up to date" if self.current else status,
+            "written": written,
+            "certificate": replace(self.certificate, digest=written.digest),
+            "reasons": self.reasons,
+        }
+
+
+def make(
+    request: Request,
+    operation: Operation,
+    build: Callable[[], tuple[Artifact, Certificate, Details]],
     *,
-    created: bool,
-    depfile: Path | None = None,
-    if_changed: bool = False,
-) -> None:
-    """Leave a target as a build tool wants it: newer than its inputs, its dependencies written down.
+    inputs: Sequence[Path] = (),
+    parents: Sequence[ParentRecord] | None = (),
+    fits: Callable[[Artifact], bool] = lambda _: True,
+) -> Made[Details]:
+    """Return what is at the destination, or what is to be written there; nothing is written here.
 
     Args:
-        output: The file that was made, or found to be right already; None for a version of the store.
-        inputs: Files it was made from.
-        created: Whether it was written.
-        depfile: File for the dependencies, in Make's syntax.
-        if_changed: Leave the time of an unchanged target alone, so that nothing after it is made again.
+        request: Where it goes.
+        operation: What decides the result.
+        build: Computes the skill, what is proved of it, and what else is told; called only if need be.
+        inputs: Files it is made of.
+        parents: Skills it is made of; None where the operation says which they are.
+        fits: Whether a skill that is there can have come of this, whatever its file states.
+
+    Raises:
+        UsageError, StoreError: The destination makes no sense.
     """
-    if output is None:
-        return
-    if not created and not if_changed:
-        try:
-            output.touch()
-        except OSError as error:
-            raise StoreError(f"{output}: its time cannot be set: {error.strerror}.") from error
-    if depfile is not None:
-        write_file(depfile, dependencies(output, inputs).encode())
+    current = request.destination.current()
+    there = current[0] if current else None
+    reasons = reasons_to_make(there, operation, inputs, request.destination.note, parents)
+    if there is not None and not reasons and not fits(there):
+        reasons = ("what is there is not what its file says it was made from",)
+    if current is not None and not reasons and not request.force:
+        artifact, written = current
+        return Made(artifact, certify(artifact.skill), None, current=written)
+    return Made(*build(), reasons or ASKED_FOR)
 
 
-def dependencies(output: Path, inputs: Iterable[Path]) -> str:
-    """Return a rule without commands, and an empty one an input so that a removed one stops nothing."""
-    names = [_escaped(path) for path in dict.fromkeys(inputs)]
-    return "".join([f"{_escaped(output)}: {' '.join(names)}\n", *(f"{name}:\n" for name in names)])
-
-
-def _escaped(path: Path) -> str:
-    text = str(path).replace("$", "$$").replace("#", r"\#").replace(" ", r"\ ")
-    if "\n" in text or "\t" in text:
-        raise UsageError(f"{text!r}: Make cannot name a file with a tab or line break in its name.")
-    return text
+def require_stable(certificate: Certificate, hint: str = CHECK_PARTS) -> Certificate:
+    """Return the certificate if it says ``stable``, else raise FitError: nothing unproved is written."""
+    if certificate.verdict != "stable":
+        reason = certificate.failures[0] if certificate.failures else "no proof was found."
+        raise FitError(f"the skill could not be proved stable, so nothing was written: {reason}", hint=hint)
+    return certificate
 
 
 def reasons_to_make(

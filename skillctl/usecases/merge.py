@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, cast
 
-import numpy as np
-
-from skillctl.adapt.candidates import candidates_from_store, require_same_space
+from skillctl.adapt.candidates import Candidates, candidates_from_store, require_same_space
 from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.refit import Refit
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
@@ -18,15 +17,22 @@ from skillctl.compose.options import MergeOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
-from skillctl.model.merged import MergedSkill
-from skillctl.plotting.formats import require_picture
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
 from skillctl.store.source import Source
-from skillctl.usecases.destination import Destination, Written
-from skillctl.usecases.make import CANDIDATES, candidates_digest, reasons_to_make
+from skillctl.usecases.destination import Destination
+from skillctl.usecases.make import (
+    CANDIDATES,
+    Made,
+    MakeReport,
+    Request,
+    candidates_digest,
+    make,
+    require_stable,
+)
 from skillctl.usecases.parts import (
     PartSummary,
     child_artifact,
@@ -35,7 +41,6 @@ from skillctl.usecases.parts import (
     parents_of,
     summaries,
 )
-from skillctl.usecases.proof import require_stable
 
 
 @dataclass(frozen=True)
@@ -57,44 +62,37 @@ class TaskReport:
     held_out: TaskErrors | None
 
 
-@dataclass(frozen=True)
-class MergeReport:
+@dataclass(frozen=True, kw_only=True)
+class MergeReport(MakeReport):
     """What ``merge`` did.
 
     Attributes:
-        skill, path, digest: How to name it, where it is, what it is.
-        created: False if exactly this skill was there already.
         parts: What it was made of; shares are the part weights.
-        gate, sharpness, speed: How the parts act together.
+        gate, parameters, speed: How the parts act together; parameters of the gate, by name.
         attractor, unit: Where all of them end.
         lyapunov: ``shared`` by all parts already, ``found`` for all of them, or parts ``refitted`` under one.
         refits: Leaves learned again, if any.
-        task: How it was fitted to a task, if it was.
-        rate, period: Proved: decay rate [1/s], and longest period of a controller [s].
-        notes: What is worth knowing.
-        status: ``merged``, or ``up to date``: the same inputs and options gave what is there. Then nothing
-            was fitted or learned again.
-        reasons: Why it was made, in words; none if it was up to date.
+        task: How it was fitted to a task, if it was, and now.
     """
 
-    skill: str
-    path: Path
-    digest: str
-    created: bool
     parts: tuple[PartSummary, ...]
     gate: str
-    sharpness: float
+    parameters: dict[str, float]
     speed: float
     attractor: tuple[float, ...]
     unit: str
     lyapunov: LyapunovOrigin
-    refits: tuple[Refit, ...]
-    task: TaskReport | None
-    rate: float | None
-    period: float | None
-    notes: tuple[str, ...]
-    status: Literal["merged", "up to date"] = "merged"
-    reasons: tuple[str, ...] = ()
+    refits: tuple[Refit, ...] = ()
+    task: TaskReport | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Details:
+    """What merging told besides the skill."""
+
+    together: Together
+    task: TaskReport | None = None
+    notes: tuple[str, ...] = ()
 
 
 def merge(
@@ -135,107 +133,130 @@ def merge(
         FitError: No common Lyapunov matrix, and no refit possible or wanted; or no proof.
     """
     options = options or MergeOptions()
-    destination = Destination.at(output, name, store, note)
-    if plot is not None:
-        require_picture(plot)
-    current = destination.current()
+    request = Request(Destination.at(output, name, store, note), force, plot)
     if task is not None:
-        return _merge_for_task(skills, destination, lock, options, task, refit, force, plot, progress)
-    sources = open_parts(skills, store, lock)
-    operation = Operation(command="merge", options={**options.recorded(), "refit": refit})
-    reasons = reasons_to_make(current[0] if current else None, operation, (), note, parents_of(sources))
-    if current is not None and not reasons and not force:
-        return _kept(current, sources, plot)
-    parents = [source.skill for source in sources]
-    options.merge(parents, np.eye(parents[0].dimension))  # complains about options before any work is done
-    together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
-    merged = options.merge(together.parts, together.lyapunov)
-    certificate = certify(merged)
-    require_stable(certificate)
-    operation = operation.model_copy(update={"results": together.results})
-    artifact = child_artifact(merged, sources, operation, together.reports)
-    written = destination.write(artifact)
-    if plot is not None:
-        draw_family(written.skill, artifact, sources, merged.part_weights.tolist(), plot)
-    report = _report(written, sources, merged, together, certificate)
-    return replace(report, reasons=reasons or ("it was asked for",))
+        _require_free_weights(options)
+        made, sources = _fitted(request, skills, lock, options.target, task, refit, progress)
+    else:
+        sources = open_parts(skills, store, lock)
+        made = _merged(request, sources, options, refit, progress)
+    return _report(request, made, sources)
 
 
-def _merge_for_task(
-    skills: Sequence[str | Path],
-    destination: Destination,
-    lock: Lock | None,
+def _merged(
+    request: Request,
+    sources: Sequence[Source],
     options: MergeOptions,
+    refit: bool,
+    progress: Progress | None,
+) -> Made[_Details]:
+    """Merge skills with weights that are given."""
+    operation = Operation(command="merge", options={**options.recorded(), "refit": refit})
+
+    def build() -> tuple[Artifact, Certificate, _Details]:
+        _try(options, sources)
+        together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
+        merged = options.merge(together.parts, together.lyapunov)
+        certificate = require_stable(certify(merged))
+        done = operation.model_copy(update={"results": together.results})
+        artifact = child_artifact(merged, sources, done, together.reports)
+        return artifact, certificate, _Details(together)
+
+    def fits(there: Artifact) -> bool:
+        return there.skill.kind == "merged" and len(there.skill.parts) == len(sources)
+
+    return make(request, operation, build, parents=parents_of(sources), fits=fits)
+
+
+def _fitted(
+    request: Request,
+    skills: Sequence[str | Path],
+    lock: Lock | None,
+    target: tuple[float, ...] | None,
     task: TaskOptions,
     refit: bool,
-    force: bool,
-    plot: Path | None,
     progress: Progress | None,
-) -> MergeReport:
-    """Merge skills with weights fitted to demonstrations."""
-    _require_free_weights(options)
+) -> tuple[Made[_Details], Sequence[Source]]:
+    """Merge skills with weights fitted to demonstrations; return also those that could have been used."""
     read = task.reading.read(task.demonstrations)
     shown = read.demonstrations
-    if task.from_store and skills:
+    found = _candidates(request.destination, skills, lock, task, shown)
+    sources, plain = found.helpful, MergeOptions(target=target)
+    operation = _fit_operation(target, task, refit, found.digests)
+
+    def build() -> tuple[Artifact, Certificate, _Details]:
+        require_same_space(sources, shown)
+        _try(plain, sources)
+        together = prove_together(sources, plain.merge, refit=refit, progress=progress)
+        fitted = fit_to_task(together.parts, shown, together.lyapunov, level=task.level, target=target)
+        certificate = require_stable(certify(fitted.skill))
+        used = [sources[index] for index in fitted.used]
+        done = operation.model_copy(update={"results": _results(fitted, together)})
+        reports = _reports_of_used(fitted, used, together)
+        inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
+        artifact = child_artifact(fitted.skill, used, done, reports, inputs)
+        told = TaskReport(fitted.choice, len(shown), len(found.digests), fitted.errors, fitted.held_out)
+        notes = (*read.notes, *found.notes, *_left_out(sources, fitted))
+        return artifact, certificate, _Details(together, told, notes)
+
+    def fits(there: Artifact) -> bool:
+        records = there.provenance.parents
+        digests = [source.artifact.digest for source in sources]
+        known = all(record.digest in digests for record in records)
+        return there.skill.kind == "merged" and len(there.skill.parts) == len(records) and known
+
+    made = make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits)
+    return made, sources
+
+
+def _candidates(
+    destination: Destination,
+    skills: Sequence[str | Path],
+    lock: Lock | None,
+    task: TaskOptions,
+    shown: DemonstrationSet,
+) -> Candidates:
+    """Return the skills that are named, or those of the store that help with the task."""
+    if not task.from_store:
+        sources = tuple(open_parts(skills, destination.store, lock))
+        return Candidates(sources, tuple(source.artifact.digest for source in sources), ())
+    if skills:
         raise UsageError(
             "skills and --from-store exclude each other.",
             hint="Name skills, or let all of the store take part.",
         )
-    if task.from_store:
-        found = candidates_from_store(destination.store, shown, lock, but=destination.name)
-        sources, candidates, notes = list(found.helpful), found.digests, found.notes
-    else:
-        sources, notes = open_parts(skills, destination.store, lock), ()
-        candidates = tuple(source.artifact.digest for source in sources)
-    operation = _fit_operation(options, task, refit, candidates)
-    current = destination.current()
-    reasons = reasons_to_make(
-        current[0] if current else None, operation, task.demonstrations, destination.note, None
-    )
-    if current is not None and not reasons and not force:
-        return _kept(current, sources, plot)
-    require_same_space(sources, shown)
-    plain = MergeOptions(target=options.target)
-    plain.merge([source.skill for source in sources], np.eye(sources[0].skill.dimension))
-    together = prove_together(sources, plain.merge, refit=refit, progress=progress)
-    fitted = fit_to_task(together.parts, shown, together.lyapunov, level=task.level, target=options.target)
-    certificate = certify(fitted.skill)
-    require_stable(certificate)
-    used = [sources[index] for index in fitted.used]
-    operation = operation.model_copy(update={"results": _results(fitted, together)})
-    reports = _reports_of_used(fitted, used, together)
-    inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
-    artifact = child_artifact(fitted.skill, used, operation, reports, inputs)
-    written = destination.write(artifact)
-    if plot is not None:
-        draw_family(written.skill, artifact, used, fitted.skill.part_weights.tolist(), plot)
-    report = TaskReport(fitted.choice, len(shown), len(candidates), fitted.errors, fitted.held_out)
-    made = _report(
-        written,
-        used,
-        fitted.skill,
-        together,
-        certificate,
-        report,
-        (*read.notes, *notes, *_left_out(sources, fitted)),
-    )
-    return replace(made, reasons=reasons or ("it was asked for",))
+    return candidates_from_store(destination.store, shown, lock, but=destination.name)
 
 
-def _kept(current: tuple[Artifact, Written], sources: Sequence[Source], plot: Path | None) -> MergeReport:
-    """Return the report on a skill that is there already, made of some of these parents."""
-    artifact, written = current
-    merged = artifact.skill
-    assert isinstance(merged, MergedSkill)  # its operation says so
+def _try(options: MergeOptions, sources: Sequence[Source]) -> None:
+    """Complain about the options before any work is done: any P will do for that."""
+    parents = [source.skill for source in sources]
+    options.merge(parents, parents[0].leaves[0].lyapunov)
+
+
+def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -> MergeReport:
+    """Write what was made, and report it with those of the skills that were used."""
+    artifact, details = made.artifact, made.details
+    skill, results = artifact.skill, artifact.operation.results
     by_digest = {source.artifact.digest: source for source in sources}
     used = [by_digest[record.digest] for record in artifact.provenance.parents]
-    if plot is not None:
-        draw_family(written.skill, artifact, used, merged.part_weights.tolist(), plot)
-    certificate = certify(merged)
-    origin: Any = artifact.operation.results["lyapunov"]
-    rate = certificate.rate or 0.0
-    together = Together(merged.parts, merged.lyapunov, origin, rate, (), artifact.reports)
-    return replace(_report(written, used, merged, together, certificate), status="up to date")
+    fields = made.write(request.destination, "merged")
+    if request.plot is not None:
+        draw_family(fields["written"].skill, artifact, used, skill.shares.tolist(), request.plot)
+    more = (*details.together.notes, *details.notes) if details else ()
+    return MergeReport(
+        **fields,
+        notes=(*notes_on([source.skill for source in used]), *more),
+        parts=summaries(used, skill.shares.tolist()),
+        gate=skill.gate,
+        parameters=dict(skill.parameters),
+        speed=skill.speed,
+        attractor=tuple(skill.attractors[0].tolist()),
+        unit=skill.space.unit,
+        lyapunov=cast("LyapunovOrigin", results["lyapunov"]),
+        refits=details.together.refits if details else (),
+        task=details.task if details else None,
+    )
 
 
 def _require_free_weights(options: MergeOptions) -> None:
@@ -267,8 +288,8 @@ def _reports_of_used(
     With factors of their own for its components, a leaf moves differently: its reports are made anew.
     """
     counts = [len(part.leaves) for part in together.parts]
-    firsts = np.cumsum([0, *counts])
-    kept = [int(firsts[i]) + k for i in fitted.used for k in range(counts[i])]
+    firsts = list(accumulate(counts, initial=0))
+    kept = [firsts[i] + k for i in fitted.used for k in range(counts[i])]
     if fitted.choice != "per component":
         return [
             report.model_copy(update={"leaf": kept.index(report.leaf)})
@@ -295,11 +316,11 @@ def _results(fitted: FittedMerger, together: Together) -> dict[str, Any]:
 
 
 def _fit_operation(
-    options: MergeOptions, task: TaskOptions, refit: bool, candidates: Sequence[str]
+    target: tuple[float, ...] | None, task: TaskOptions, refit: bool, candidates: Sequence[str]
 ) -> Operation:
     """Return what decides the result; what came of it is not known yet."""
     chosen = {
-        "target": options.target,
+        "target": target,
         "refit": refit,
         "fit_level": task.level,
         "from_store": task.from_store,
@@ -307,32 +328,3 @@ def _fit_operation(
     }
     reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
     return Operation(command="merge", options={**reading, **chosen})
-
-
-def _report(
-    written: Written,
-    sources: Sequence[Source],
-    merged: MergedSkill,
-    together: Together,
-    certificate: Certificate,
-    task: TaskReport | None = None,
-    notes: tuple[str, ...] = (),
-) -> MergeReport:
-    return MergeReport(
-        skill=written.skill,
-        path=written.path,
-        digest=written.digest,
-        created=written.created,
-        parts=summaries(sources, merged.part_weights.tolist()),
-        gate=merged.gate,
-        sharpness=merged.parameters.get("sharpness", 1.0),
-        speed=merged.speed,
-        attractor=tuple(merged.attractor.tolist()),
-        unit=merged.space.unit,
-        lyapunov=together.origin,
-        refits=together.refits,
-        task=task,
-        rate=certificate.rate,
-        period=certificate.period,
-        notes=(*notes_on([source.skill for source in sources]), *together.notes, *notes),
-    )

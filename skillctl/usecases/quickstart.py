@@ -133,18 +133,18 @@ class _Session:
             report = learn(
                 sorted((DEMONSTRATIONS / task).glob("*.csv")), name=task, store=STORE, progress=self.progress
             )
-            self.made[task] = (report.skill, "learn", mean_dtw(report.demonstrations))
+            self.made[task] = (report.written.skill, "learn", mean_dtw(report.demonstrations))
         for name, parts in MERGED.items():
             target = tuple(target_of(name).tolist())
             self.say("skillctl merge", *parts, "--target", _typed(target), "--name", name)
             options = MergeOptions(target=target)
             merged = merge(parts, name=name, store=STORE, options=options, progress=self.progress)
-            self.made[name] = (merged.skill, "merge", None)
+            self.made[name] = (merged.written.skill, "merge", None)
         target = tuple(target_of("top-centre").tolist())
         self.say("skillctl combine", *COMBINED, "--align", "--target", _typed(target), "--name", SHELF)
         aligned = CombineOptions(align=True, target=target)
         combined = combine(COMBINED, name=SHELF, store=STORE, options=aligned)
-        self.made[SHELF] = (combined.skill, "combine", None)
+        self.made[SHELF] = (combined.written.skill, "combine", None)
 
     def verify_all(self) -> None:
         self.say("skillctl verify-stability", *self.made)

@@ -36,7 +36,7 @@ def test_json_holds_every_kind_of_value_and_no_nan():
         error=ArtifactError("x is damaged.", hint="Copy it again."),
     )
     assert json.loads(render.to_json(sample)) == {
-        "schema_version": 1,
+        "schema_version": 2,
         "number": 0.1,
         "missing": None,
         "path": "a/b",

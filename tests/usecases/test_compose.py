@@ -80,10 +80,10 @@ def test_a_matrix_that_proves_next_to_nothing_is_worth_a_refit(tmp_path, library
         paths.append(tmp_path / f"{upper}.h5")
     kept = merge(paths, output=tmp_path / "kept.h5", refit=False)
     assert kept.lyapunov == "found"
-    assert 0 < kept.rate <= 0.02
+    assert 0 < kept.certificate.rate <= 0.02
     again = merge(paths, output=tmp_path / "again.h5")
     assert again.lyapunov == "refitted"
-    assert again.rate > kept.rate
+    assert again.certificate.rate > kept.certificate.rate
     assert "as they were would prove a decay of" in again.notes[-1]
 
 
@@ -91,9 +91,11 @@ def test_merging_keeps_the_controller_period_wherever_a_common_matrix_allows(lib
     report = merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, refit=False)
     assert verify("curve", store=library).period >= 0.01
     assert verify("hook", store=library).period >= 0.01
-    assert report.period >= 0.01
+    assert report.certificate.period >= 0.01
     fast = MergeOptions(speed=3.0)
-    assert merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, options=fast).rate > 0
+    assert (
+        merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, options=fast).certificate.rate > 0
+    )
 
 
 def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):
@@ -105,7 +107,11 @@ def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):
 def test_switching_at_every_instant_gets_its_common_proof_by_a_refit_too(conflict, tmp_path):
     options = CombineOptions(gate="instantaneous", align=True)
     report = combine(conflict, output=tmp_path / "c.h5", options=options)
-    assert (report.verdict, report.scope, report.lyapunov) == ("stable", "global", "refitted")
+    assert (report.certificate.verdict, report.certificate.scope, report.lyapunov) == (
+        "stable",
+        "global",
+        "refitted",
+    )
     assert [refit.leaf for refit in report.refits] == [1, 2]
     assert read_skill(tmp_path / "c.h5").operation.results["lyapunov"] == "refitted"
     assert verify(tmp_path / "c.h5").verdict == "stable"
@@ -201,7 +207,7 @@ def test_the_same_composition_gives_the_same_bytes(library, tmp_path):
         first = make(["curve", "hook"], output=tmp_path / "a.h5", store=library)
         again = make(["curve", "hook"], output=tmp_path / "a.h5", store=library)
         other = make(["curve", "hook"], output=tmp_path / "b.h5", store=library)
-        assert (first.created, again.created, other.created) == (True, False, True)
+        assert (first.written.created, again.written.created, other.written.created) == (True, False, True)
         assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
         (tmp_path / "a.h5").unlink()
         (tmp_path / "b.h5").unlink()

@@ -173,7 +173,11 @@ def test_the_artifact_says_where_it_comes_from(curve_files, tmp_path):
 def test_the_proof_holds_for_what_is_stored_not_for_what_was_in_memory(curve_files, tmp_path):
     report = learn(curve_files, output=tmp_path / "a.h5", options=FAST)
     again = certify(read_skill(tmp_path / "a.h5").skill)
-    assert (again.verdict, again.rate, again.period) == ("stable", report.rate, report.period)
+    assert (again.verdict, again.rate, again.period) == (
+        "stable",
+        report.certificate.rate,
+        report.certificate.period,
+    )
 
 
 def test_progress_is_told(curve_files, tmp_path):

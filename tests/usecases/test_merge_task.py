@@ -117,7 +117,9 @@ def test_the_store_gives_the_skills_that_help_and_nothing_else(task_files, tmp_p
         report = merge([], name="fitted", store=library, task=options)
         assert report.task.candidates == 3  # not reach, which is in space, nor both, which is combined
         assert {part.skill for part in report.parts} <= {"curve@1", "hook@1", "plain@1"}
-        assert not merge([], name="fitted", store=library, task=options).created  # its own result is no part
+        assert not merge(
+            [], name="fitted", store=library, task=options
+        ).written.created  # its own result is no part
         with pytest.raises(UsageError, match="exclude each other"):
             merge(["curve"], name="fitted", store=library, task=options)
     finally:
