@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.files import MAX_BYTES, damaged
+from skillctl.demonstrations.files import MAX_BYTES, File, damaged
 from skillctl.demonstrations.recording import Recording, listed, uniform_times
 from skillctl.errors import InputDataError, printable
 
@@ -25,7 +25,12 @@ LAYOUTS = (
 )
 
 
-def read(content: bytes, path: Path) -> list[Recording]:
+def recognises(file: File) -> bool:
+    """Say whether the content is a ZIP archive, as NumPy's are."""
+    return file.content.startswith(b"PK\x03\x04")
+
+
+def read(file: File) -> list[Recording]:
     """Return the demonstrations of an NPZ archive, in one of three layouts.
 
     - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
@@ -38,9 +43,9 @@ def read(content: bytes, path: Path) -> list[Recording]:
     Raises:
         InputDataError: Damaged, pickled, too large, or of another layout.
     """
-    arrays = _arrays(content, path)
-    dt = _step(arrays, path)
-    return _stacked(arrays, dt, path) if "positions" in arrays else _named(arrays, dt, path)
+    arrays = _arrays(file.content, file.path)
+    dt = _step(arrays, file.path)
+    return (_stacked if "positions" in arrays else _named)(arrays, dt, file.path)
 
 
 def _arrays(content: bytes, path: Path) -> Arrays:

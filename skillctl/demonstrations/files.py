@@ -3,11 +3,53 @@
 from __future__ import annotations
 
 import stat
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from skillctl.errors import InputDataError, NotFoundError, printable
 
+if TYPE_CHECKING:
+    from skillctl.demonstrations.child import Child
+
 MAX_BYTES = 2**28  # of a file, packed or unpacked: millions of samples; more is no demonstration
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file that is being read.
+
+    Attributes:
+        path: As the user named it, for messages.
+        content: Its bytes.
+        columns: Names of the position columns that the user asked for; formats without names of their own
+            leave them to the caller.
+        child: Parses what only large libraries in C can.
+    """
+
+    path: Path
+    content: bytes
+    columns: Sequence[str] | None
+    child: Child
+    _parsed: dict[Any, Any] = field(default_factory=dict)
+
+    def parsed(self, parser: Callable[..., Any], kind: str, **options: Any) -> Any:
+        """Return ``parser(content, **options)``, computed once, in the child.
+
+        Args:
+            parser: A function at the top level of a module, which returns arrays, text and numbers in lists
+                and dictionaries, or raises InputDataError without the name of the file.
+            kind: What the file should be, for messages.
+            options: Whatever JSON can express.
+
+        Raises:
+            InputDataError: The parser refused the file, failed on it, was ended by it, or took more time or
+                memory than it may.
+        """
+        if parser not in self._parsed:
+            self._parsed[parser] = self.child.parse(parser, self.content, self.path, kind, **options)
+        return self._parsed[parser]
 
 
 def read_bytes(path: Path) -> bytes:

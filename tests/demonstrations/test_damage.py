@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl.demonstrations import checks, child, formats
+from skillctl.demonstrations import checks, child, files, formats
 from skillctl.errors import InputDataError
 
 COPIES = 300
@@ -39,7 +39,8 @@ def answer(child: child.Child) -> Callable[[bytes], InputDataError | None]:
 
     def answer(content: bytes) -> InputDataError | None:
         try:
-            _, recordings = formats.recordings_in(content, Path("damaged"), child)
+            file = files.File(Path("damaged"), content, None, child)
+            recordings = formats.format_of(file).read(file)
             demonstrations = [checks.prepare(recording, dt=0.1, scale=1.0)[0] for recording in recordings]
         except InputDataError as refusal:
             return refusal

@@ -59,7 +59,7 @@ def test_the_format_is_chosen_by_content_not_by_name(write, save_npz, save_mat, 
 
 def test_a_forced_format_is_not_second_guessed(write, save_npz, curve) -> None:
     archive = save_npz(positions=curve(), dt=0.1)
-    for name in FORMATS:
+    for name in (form.name for form in FORMATS):
         if name == "npz":
             read_demonstrations([archive], input_format=name)
         else:
@@ -292,7 +292,7 @@ def test_the_same_content_twice_is_reported(write) -> None:
 
 def test_reading_any_format_loads_neither_scipy_nor_hdf5(lasa) -> None:
     code = (
-        "import sys; from skillctl.demonstrations import read_demonstrations, reaching\n"
+        "import sys; from skillctl.demonstrations.reader import read_demonstrations\n"
         "read_demonstrations([sys.argv[1]])\n"
         "print(sorted({'scipy', 'h5py', 'pydantic', 'typer', 'pybullet', 'matplotlib'} & set(sys.modules)))"
     )

@@ -268,7 +268,7 @@ def test_no_other_file_is_opened(save_robomimic, motions, tmp_path) -> None:
     target = tmp_path / "secret-target"
     target.write_bytes(bytes(4096))
     path = save_robomimic(motions[:1], edit=external_storage(str(target)))
-    code = "import sys, skillctl.demonstrations as d; d.read_demonstrations([sys.argv[1]])"
+    code = "import sys, skillctl.demonstrations.reader as d; d.read_demonstrations([sys.argv[1]])"
     command = ["strace", "-f", "-e", "trace=open,openat,openat2", sys.executable, "-c", code, str(path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     if "low_dim.hdf5" not in run.stderr.split("Traceback")[0]:
