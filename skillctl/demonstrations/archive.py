@@ -65,7 +65,7 @@ def _arrays(content: bytes, path: Path) -> Arrays:
                 f"{path}: holds pickled Python objects, which could run code and are never read.",
                 hint=LAYOUTS,
             ) from error
-        raise damaged(path, "NPZ archive", error) from error
+        raise damaged(path, "NPZ archive", str(error) or type(error).__name__) from error
 
 
 def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:

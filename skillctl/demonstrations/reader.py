@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.demonstrations.checks import prepare, set_notes
-from skillctl.demonstrations.child import Child
-from skillctl.demonstrations.files import File, read_bytes
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
 from skillctl.demonstrations.formats import format_of, named
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean
+from skillctl.workers.child import Child
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def read_demonstrations(
     _require_positive(dt=dt, scale=scale)
     recordings: list[Recording] = []
     sources = []
-    with Child() as child:
+    with Child(LIMITS, NO_PLUGINS) as child:
         for path in map(Path, paths):
             file = File(path, read_bytes(path), columns, child)
             form = format_of(file) if forced is None else forced

@@ -42,8 +42,8 @@ def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
     The first row names the columns: a time (``t``, ``time``, ``stamp`` or ``timestamp``, in seconds unless
     its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several
     demonstrations apart. Of tables that hold more than positions x and y (and z), only these are used; of
-    all others, every column is, up to seven. ``file.columns`` says otherwise; it may name joints of a skeleton,
-    too.
+    all others, every column is, up to seven. ``file.columns`` says otherwise; it may also name joints of a
+    skeleton.
     Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
     Lines that start with # or % are comments; the last one before the numbers may be the header.
     ``header`` says what the columns of a format are that has no header and separates by spaces.
