@@ -4,7 +4,7 @@ Libraries written in C may crash on a damaged file, never return, or take all me
 the one call: ``Child.call`` raises, and the next call starts a new child.
 
 - ``Limits`` bound the time, the memory and the answer of a call, and forbid writing files. A child with
-  limits is not trusted: it answers with numbers, text, lists, dictionaries and arrays only (``answers``).
+  limits is not trusted: it answers with numbers, text, lists, dictionaries and arrays only (``messages``).
 - Without limits, results are whatever can be pickled, and exceptions are raised as they are.
 - Arguments are pickled, and functions are found by name: they stand at the top level of a module.
 - What functions print on standard output is lost; on standard error, it is if there are limits.
@@ -26,9 +26,8 @@ from dataclasses import asdict
 from types import MappingProxyType, TracebackType
 from typing import IO, Any, TypeAlias, cast
 
-from skillctl.workers import answers
+from skillctl.workers import messages
 from skillctl.workers.limits import Limits
-from skillctl.workers.serving import LENGTH
 from skillctl.workers.threads import THREAD_VARIABLES
 
 START = (
@@ -85,22 +84,17 @@ class Child:
         process = self._started()
         try:
             with _time_limit(process, self._limits):
-                requests, replies = _pipes(process)
-                requests.write(LENGTH.pack(len(request)))
-                requests.write(request)
-                requests.flush()
-                outcome = answers.read(replies, self._limits)
-        except TimeoutError:
-            self._end(process)
-            raise
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+                requests, answers = _pipes(process)
+                messages.send(requests, request)
+                text, numbers = messages.receive(answers, self._limits)
+        except (EOFError, ValueError, BrokenPipeError):
             how = _ending(process)
             self._end(process)
             raise ChildDiedError(how) from None
-        except BaseException:  # Ctrl-C: half an exchange would spoil the next
+        except BaseException:  # too late, or Ctrl-C: half an exchange would spoil the next
             self._end(process)
             raise
-        return outcome.result()
+        return messages.result(text, numbers, self._limits)
 
     def close(self) -> None:
         """End the process, if there is one, and start no other."""
