@@ -287,6 +287,13 @@ def test_the_same_content_twice_is_reported(write) -> None:
     assert read_demonstrations([a, a]).notes == (f"{a} has the same content as {a}.",)
 
 
+def test_a_velocity_that_is_not_finite_is_refused_with_its_place(save_npz, curve) -> None:
+    velocities = np.ones((20, 2))
+    velocities[7, 1] = np.nan
+    with pytest.raises(InputDataError, match=r"reach\.npz, sample 7: its velocity is not finite"):
+        read_demonstrations([save_npz(positions=curve(), velocities=velocities, dt=0.1)])
+
+
 # ------------------------------------------------------------------------------------- start-up
 
 
