@@ -10,7 +10,6 @@ Choices, help and messages follow from the records. Nothing here imports NumPy; 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -40,7 +39,7 @@ class Format:
 
     def recognises(self, file: File) -> bool:
         """Say whether the content of a file looks like this format."""
-        return bool(self._function("recognises")(file))
+        return bool(self._module.recognises(file))
 
     def read(self, file: File) -> list[Recording]:
         """Return the demonstrations in a file of this format.
@@ -48,12 +47,12 @@ class Format:
         Raises:
             InputDataError: Damaged, or of another format or layout.
         """
-        recordings: list[Recording] = self._function("read")(file)
+        recordings: list[Recording] = self._module.read(file)
         return recordings
 
-    def _function(self, name: str) -> Callable[[File], Any]:
-        function: Callable[[File], Any] = getattr(import_module(f"{__package__}.{self.reader}"), name)
-        return function
+    @property
+    def _module(self) -> Any:
+        return import_module(f"{__package__}.{self.reader}")
 
 
 FORMATS = (
@@ -112,11 +111,8 @@ def format_of(file: File) -> Format:
     from skillctl.demonstrations import matlab  # late: it needs NumPy
 
     if matlab.recognises(file):
-        found = matlab.described(matlab.variables(file))
-        raise InputDataError(
-            f"{file.path}: a MATLAB file of unknown layout (found {found}).",
-            hint="Expected demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt]).",
-        )
+        expected = "demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt])"
+        raise matlab.other_layout(file, "a MATLAB file of unknown layout", expected)
     raise InputDataError(
         f"{file.path}: neither text nor a format that skillctl knows.", hint=f"These are read: {described()}."
     )

@@ -28,9 +28,8 @@ def read(file: File) -> list[Recording]:
     variables, path = matlab.variables(file), file.path
     structs = _structs(variables)
     if not structs:
-        raise matlab.other_layout(
-            file, "LASA motions", "a cell array demos of structs with the fields pos, vel and t"
-        )
+        expected = "a cell array demos of structs with the fields pos, vel and t"
+        raise matlab.other_layout(file, "not laid out as LASA motions", expected)
     recordings = []
     for index, fields in enumerate(structs):
         pos, vel, t = (matrix(fields[name]) for name in FIELDS)

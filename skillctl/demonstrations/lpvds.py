@@ -29,11 +29,8 @@ def read(file: File) -> list[Recording]:
     """
     cells, dt = _cells(file), matrix(matlab.variables(file).get("dt"))
     if not cells:
-        raise matlab.other_layout(
-            file,
-            "LPV-DS demonstrations",
-            "a cell array data of matrices (2d, T), positions above velocities",
-        )
+        expected = "a cell array data of matrices (2d, T), positions above velocities"
+        raise matlab.other_layout(file, "not laid out as LPV-DS demonstrations", expected)
     period = float(dt.item()) if dt is not None and dt.size == 1 else np.nan
     recordings = []
     for index, cell in enumerate(cells):

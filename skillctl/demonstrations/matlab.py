@@ -33,24 +33,22 @@ def variables(file: File) -> Variables:
     Raises:
         InputDataError: Damaged, or too large when unpacked.
     """
-    found: Variables = file.parsed(parse, "MATLAB 5 file")
-    return found
+    parsed: Variables = file.parsed(parse, "MATLAB 5 file")
+    return parsed
 
 
-def other_layout(file: File, kind: str, expected: str) -> InputDataError:
-    """Return what to say about a MATLAB file that does not hold the ``kind`` of demonstrations it should."""
-    found = described(variables(file))
-    return InputDataError(
-        f"{file.path}: not laid out as {kind} (found {found}).", hint=f"Expected {expected}."
-    )
+def other_layout(file: File, what: str, expected: str) -> InputDataError:
+    """Return what to say about a MATLAB file that does not hold the demonstrations it should."""
+    holds = described(variables(file))
+    return InputDataError(f"{file.path}: {what} (found {holds}).", hint=f"Expected {expected}.")
 
 
 def parse(content: bytes) -> Variables:
     """Return the variables; runs in the child."""
     from scipy.io import loadmat
 
-    found = loadmat(BytesIO(content))  # type: ignore[arg-type]  # it reads open files, too
-    return {name: _value(value, MAX_DEPTH) for name, value in found.items() if not name.startswith("__")}
+    loaded = loadmat(BytesIO(content))  # type: ignore[arg-type]  # it reads open files, too
+    return {name: _value(value, MAX_DEPTH) for name, value in loaded.items() if not name.startswith("__")}
 
 
 def _value(value: Any, depth: int) -> Value:

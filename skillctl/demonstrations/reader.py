@@ -84,12 +84,12 @@ def read_demonstrations(
             form = format_of(file) if forced is None else forced
             recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
             sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
-    chosen = _selected(recordings, select)
-    names = _names(chosen)
-    prepared = [prepare(recording, dt=dt, scale=scale) for recording in chosen]
+    selection = _selected(recordings, select)
+    names = _names(selection)
+    prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
-    notes = _file_notes(chosen, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
+    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
 
 
@@ -139,9 +139,9 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     dimension = named.positions.shape[1]
     names = named.names or default_names(dimension, named.unit)
     for recording in recordings:
-        found = recording.positions.shape[1]
-        if found != dimension or recording.names not in (None, names):
-            what = f"{found} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
+        width = recording.positions.shape[1]
+        if width != dimension or recording.names not in (None, names):
+            what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
             raise InputDataError(
                 f"{recording.label}: {what}, but {named.label} has {listed(names)}.",
                 hint="All demonstrations of one skill need the same columns; choose them with --columns.",

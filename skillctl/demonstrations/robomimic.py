@@ -31,11 +31,11 @@ def read(file: File) -> list[Recording]:
         description of the dataset structure in robomimic's documentation.
     """
     path, wanted = file.path, list(file.columns or [POSITION])
-    found = file.parsed(parse, "HDF5 file", keys=wanted)
-    widths, frequency = found["widths"], found["frequency"]
-    if not found["count"]:
+    dataset = file.parsed(parse, "HDF5 file", keys=wanted)
+    widths, frequency = dataset["widths"], dataset["frequency"]
+    if not dataset["count"]:
         raise InputDataError(
-            f"{path}: an HDF5 file of unknown layout (found {listed(found['members']) or 'nothing'}).",
+            f"{path}: an HDF5 file of unknown layout (found {listed(dataset['members']) or 'nothing'}).",
             hint=f"Expected a robomimic dataset: data/demo_0/obs/{POSITION}.",
         )
     if not widths:
@@ -55,7 +55,7 @@ def read(file: File) -> list[Recording]:
             part=name,
             unused=unused,
         )
-        for name, positions in found["demonstrations"].items()
+        for name, positions in dataset["demonstrations"].items()
     ]
 
 

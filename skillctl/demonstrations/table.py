@@ -242,17 +242,17 @@ def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Bloc
 
 def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, path: Path) -> InputDataError:
     """Return what to say about the first cell of a block that is no number."""
-    line, column, found = next(
+    line, column, cell = next(
         (line, column, cells[column])
         for (line, cells), row in zip(block, texts, strict=True)
         for column, cell in zip(layout.numeric, row, strict=True)
         if not _is_number(cell)
     )
     where = f"{path}, line {line}, column '{printable(layout.names[column])}'"
-    if not found:
+    if not cell:
         return InputDataError(f"{where}: an empty cell.", hint=GAPS)
     return InputDataError(
-        f"{where}: '{printable(found)[:40]}' is not a number.",
+        f"{where}: '{printable(cell)[:40]}' is not a number.",
         hint=f"Correct the cell, or choose columns with --columns. They are: {listed(layout.names)}.",
     )
 

@@ -29,7 +29,7 @@ def send(stream: IO[bytes], text: bytes, numbers: Sequence[bytes] = ()) -> None:
     stream.flush()
 
 
-def receive(stream: IO[bytes], limits: Limits | None = None) -> tuple[bytes, bytes]:
+def receive(stream: IO[bytes], limits: Limits | None = None) -> tuple[bytearray, bytearray]:
     """Return the text and the numbers of the next message.
 
     Raises:
@@ -42,9 +42,9 @@ def receive(stream: IO[bytes], limits: Limits | None = None) -> tuple[bytes, byt
     return _exactly(stream, text), _exactly(stream, numbers)
 
 
-def _exactly(stream: IO[bytes], size: int) -> bytes:
-    content = stream.read(size)
-    if len(content) < size:
+def _exactly(stream: IO[bytes], size: int) -> bytearray:
+    content = bytearray(size)  # memory that arrays can share
+    if stream.readinto(content) < size:  # type: ignore[attr-defined]
         raise EOFError
     return content
 
@@ -60,7 +60,7 @@ def send_outcome(stream: IO[bytes], compute: Callable[[], Any], limits: Limits |
     send(stream, *message)
 
 
-def result(text: bytes, numbers: bytes, limits: Limits | None) -> Any:
+def result(text: bytearray, numbers: bytearray, limits: Limits | None) -> Any:
     """Return the value in an answer, or raise the exception in it.
 
     Raises:
@@ -128,11 +128,11 @@ def _packed(value: Any, most: int) -> tuple[bytes, list[bytes]]:
     return text, numbers
 
 
-def _unpacked(text: bytes, content: bytes) -> Any:
+def _unpacked(text: bytearray, content: bytearray) -> Any:
     """Return what JSON text says, with its arrays, which come in the order in which they were packed."""
     import numpy as np
 
-    numbers = np.frombuffer(bytearray(content)) if content else np.zeros(0)  # writable, as arrays are
+    numbers = np.frombuffer(content) if content else np.zeros(0)
     used = 0
 
     def array_of(item: dict[str, Any]) -> Any:

@@ -22,21 +22,22 @@ def serve(limits_as_json: str) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what a library prints is no answer
     if limits is not None:
         limits.restrict()
-    inbox: SimpleQueue[bytes] = SimpleQueue()
+    inbox: SimpleQueue[bytearray] = SimpleQueue()
     threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
 
     def compute() -> Any:
-        function, arguments, options = pickle.loads(request)
-        return function(*arguments, **options)
-
-    while True:
         request = inbox.get()
         if limits is not None:
             limits.grant_time()
+        function, arguments, options = pickle.loads(request)
+        del request  # which may be as large as a file
+        return function(*arguments, **options)
+
+    while True:
         messages.send_outcome(answers, compute, limits)
 
 
-def _receive(requests: IO[bytes], inbox: SimpleQueue[bytes]) -> None:
+def _receive(requests: IO[bytes], inbox: SimpleQueue[bytearray]) -> None:
     """Hand over requests; when there will be no more, end the process, even in the middle of a call."""
     try:
         while True:

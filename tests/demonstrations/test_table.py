@@ -215,7 +215,7 @@ def test_blank_lines_at_the_end_do_not_count_however_many(read_text) -> None:
 numbers = st.floats(-1e8, 1e8)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(
     hnp.arrays(np.float64, st.tuples(st.integers(2, 6), st.integers(1, 4)), elements=numbers), st.booleans()
 )

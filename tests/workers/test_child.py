@@ -194,7 +194,7 @@ def test_an_answer_is_read_as_it_was_written() -> None:
 )
 def test_an_answer_that_no_honest_child_gives_is_refused(text: bytes, numbers: bytes) -> None:
     with pytest.raises(ValueError):  # noqa: PT011  # whose words nobody reads
-        messages.result(text, numbers, LIMITS)
+        messages.result(bytearray(text), bytearray(numbers), LIMITS)
 
 
 def test_an_answer_that_is_too_long_or_breaks_off_is_refused() -> None:
