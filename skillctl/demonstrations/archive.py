@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.files import MAX_BYTES, damaged
+from skillctl.demonstrations.files import MAX_BYTES, File, damaged
 from skillctl.demonstrations.recording import Recording, listed, uniform_times
 from skillctl.errors import InputDataError, printable
 
@@ -25,7 +25,12 @@ LAYOUTS = (
 )
 
 
-def read(content: bytes, path: Path) -> list[Recording]:
+def recognises(file: File) -> bool:
+    """Say whether the content is a ZIP archive, as NumPy's are."""
+    return file.content.startswith(b"PK\x03\x04")
+
+
+def read(file: File) -> list[Recording]:
     """Return the demonstrations of an NPZ archive, in one of three layouts.
 
     - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
@@ -38,9 +43,9 @@ def read(content: bytes, path: Path) -> list[Recording]:
     Raises:
         InputDataError: Damaged, pickled, too large, or of another layout.
     """
-    arrays = _arrays(content, path)
-    dt = _step(arrays, path)
-    return _stacked(arrays, dt, path) if "positions" in arrays else _named(arrays, dt, path)
+    arrays = _arrays(file.content, file.path)
+    dt = _step(arrays, file.path)
+    return (_stacked if "positions" in arrays else _named)(arrays, dt, file.path)
 
 
 def _arrays(content: bytes, path: Path) -> Arrays:
@@ -60,7 +65,7 @@ def _arrays(content: bytes, path: Path) -> Arrays:
                 f"{path}: holds pickled Python objects, which could run code and are never read.",
                 hint=LAYOUTS,
             ) from error
-        raise damaged(path, "NPZ archive", error) from error
+        raise damaged(path, "NPZ archive", str(error) or type(error).__name__) from error
 
 
 def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
@@ -70,11 +75,7 @@ def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
     if positions.ndim not in (2, 3) or (velocities is not None and velocities.shape != positions.shape):
         raise _unknown_layout(arrays, path)
     shape = positions.shape if positions.ndim == 3 else (1, *positions.shape)
-    times = None if dt is None else uniform_times(dt, shape[1])
-    if "times" in arrays:
-        times = _numbers(arrays, "times", path)
-        if times.shape not in (shape[:2], shape[1:2]):
-            raise _unknown_layout(arrays, path)
+    times = _times(arrays, "times", dt, (shape[1:2], shape[:2]), path)
     return [
         Recording(
             path,
@@ -91,21 +92,29 @@ def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
 def _named(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
     """Return the demonstrations of an archive with one array (T, d) each."""
     names = [name for name, array in arrays.items() if array.ndim == 2 and array.dtype.kind in NUMERIC]
-    timed = {name: f"{name}_times" for name in names if f"{name}_times" in arrays}
-    unused = tuple(name for name in arrays if name not in {"dt", *names, *timed.values()})
+    used = {"dt", *names, *(f"{name}_times" for name in names)}
+    unused = tuple(name for name in arrays if name not in used)
     if not names or (len(names) > 1 and not all(name[-1:].isdigit() for name in names)):
         raise _unknown_layout(arrays, path)  # pos and vel are not two demonstrations
     recordings = []
     for name in names:
         positions = _numbers(arrays, name, path)
-        times = None if dt is None else uniform_times(dt, len(positions))
-        if name in timed:
-            times = _numbers(arrays, timed[name], path)
-            if times.shape != positions.shape[:1]:
-                raise _unknown_layout(arrays, path)
+        times = _times(arrays, f"{name}_times", dt, (positions.shape[:1],), path)
         part = f"array {printable(name)[:40]}"
         recordings.append(Recording(path, positions, times=times, part=part, unused=unused))
     return recordings
+
+
+def _times(
+    arrays: Arrays, name: str, dt: float | None, shapes: tuple[tuple[int, ...], ...], path: Path
+) -> FloatArray | None:
+    """Return the times in an array of one of these shapes, those that follow from dt, or None."""
+    if name not in arrays:
+        return None if dt is None else uniform_times(dt, *shapes[0])
+    times = _numbers(arrays, name, path)
+    if times.shape not in shapes:
+        raise _unknown_layout(arrays, path)
+    return times
 
 
 def _step(arrays: Arrays, path: Path) -> float | None:
@@ -127,5 +136,5 @@ def _numbers(arrays: Arrays, name: str, path: Path) -> FloatArray:
 
 
 def _unknown_layout(arrays: Arrays, path: Path) -> InputDataError:
-    found = listed([f"{name} {array.shape}" for name, array in arrays.items()])
-    return InputDataError(f"{path}: its arrays form no demonstrations (found {found}).", hint=LAYOUTS)
+    holds = listed([f"{name} {array.shape}" for name, array in arrays.items()])
+    return InputDataError(f"{path}: its arrays form no demonstrations (found {holds}).", hint=LAYOUTS)

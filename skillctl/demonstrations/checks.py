@@ -76,12 +76,12 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
             hint="Check that the recording is whole and the position columns are right, or leave it out.",
         )
     per_unit = 1000.0 if recording.unit == "mm" else 1.0
-    started, moved = times - times[0], positions * scale / per_unit
+    times, positions = times - times[0], positions * scale / per_unit
     if recording.velocities is None:
-        demonstration = Demonstration.from_positions(started, moved, recording.source)
+        demonstration = Demonstration.from_positions(times, positions, recording.source)
     else:
         velocities = recording.velocities[rows] * scale / per_unit
-        demonstration = Demonstration(started, moved, velocities, recording.source)
+        demonstration = Demonstration(times, positions, velocities, recording.source)
     return demonstration, _findings(recording, demonstration, rows, estimated)
 
 
@@ -151,17 +151,16 @@ def _require_finite(recording: Recording) -> None:
     usable = np.abs(recording.positions) <= LARGEST  # false for NaN, too
     if not usable.all():
         sample, dimension = np.argwhere(~usable)[0]
-        raise InputDataError(
-            f"{recording.label}, {recording.where(sample)}, {recording.column(dimension)}: "
-            f"{recording.positions[sample, dimension]:g} is not a position.",
-            hint=GAPS,
-        )
+        value = f"{recording.positions[sample, dimension]:g}"
+        raise _refusal(recording, sample, f", {recording.column(dimension)}: {value} is not a position.")
     if recording.velocities is not None and not np.isfinite(recording.velocities).all():
-        sample = int(np.argwhere(~np.isfinite(recording.velocities))[0, 0])
-        raise InputDataError(
-            f"{recording.label}, {recording.where(sample)}: its velocity is not finite.",
-            hint=GAPS,
-        )
+        sample = np.argwhere(~np.isfinite(recording.velocities))[0, 0]
+        raise _refusal(recording, sample, ": its velocity is not finite.")
+
+
+def _refusal(recording: Recording, sample: int, words: str, hint: str = GAPS) -> InputDataError:
+    """Return what to say about one sample."""
+    return InputDataError(f"{recording.label}, {recording.where(sample)}{words}", hint=hint)
 
 
 def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
@@ -195,20 +194,16 @@ def _fresh_rows(recording: Recording, stamps: FloatArray) -> IntArray:
 
 def _require_increasing(recording: Recording, times: FloatArray, rows: IntArray) -> None:
     if not np.isfinite(times).all():
-        sample = int(rows[np.argmin(np.isfinite(times))])
-        raise InputDataError(
-            f"{recording.label}, {recording.where(sample)}: its time is not finite.",
-            hint="Remove the row, or leave this demonstration out.",
-        )
+        hint = "Remove the row, or leave this demonstration out."
+        sample = rows[np.argmin(np.isfinite(times))]
+        raise _refusal(recording, sample, ": its time is not finite.", hint)
     steps = np.diff(times)
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0)) + 1
         what = "repeats the one before" if steps[at - 1] == 0 else f"follows {times[at - 1]:.15g} s"
-        raise InputDataError(
-            f"{recording.label}, {recording.where(int(rows[at]))}: time stamp {times[at]:.15g} s {what}; "
-            "time must increase.",
-            hint="Remove the row; a table of several demonstrations needs a column demo.",
-        )
+        words = f": time stamp {times[at]:.15g} s {what}; time must increase."
+        hint = "Remove the row; a table of several demonstrations needs a column demo."
+        raise _refusal(recording, rows[at], words, hint)
 
 
 def _findings(

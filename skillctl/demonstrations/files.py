@@ -3,11 +3,79 @@
 from __future__ import annotations
 
 import stat
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.workers.child import Child, ChildDiedError
+from skillctl.workers.limits import Limits
 
 MAX_BYTES = 2**28  # of a file, packed or unpacked: millions of samples; more is no demonstration
+LIMITS = Limits(
+    seconds=8.0,
+    memory=2**31,  # a file and numbers of MAX_BYTES each, twice, and the libraries
+    numbers=MAX_BYTES,
+)
+NO_PLUGINS = {"HDF5_PLUGIN_PRELOAD": "::"}  # filters are code that a file can ask for by number
+HINT = "Save or copy it again, or export the trajectories as CSV or NPZ."
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file that is being read.
+
+    Attributes:
+        path: As the user named it, for messages.
+        content: Its bytes.
+        columns: Names of the position columns that the user asked for; formats without names of their own
+            leave them to the caller.
+        child: Parses what only large libraries in C can: a damaged file may crash, hang or exhaust them.
+        limits: Those of the child, for messages.
+    """
+
+    path: Path
+    content: bytes
+    columns: Sequence[str] | None
+    child: Child
+    limits: Limits = LIMITS
+    _parsed: dict[Any, Any] = field(default_factory=dict)
+
+    def parsed(self, parser: Callable[..., Any], kind: str, **options: Any) -> Any:
+        """Return ``parser(content, **options)``, computed once, in the child.
+
+        Args:
+            parser: A function at the top level of a module, which returns arrays, text and numbers in lists
+                and dictionaries, or raises InputDataError without the name of the file.
+            kind: What the file should be, for messages.
+            options: Whatever the parser needs to know; the same at every call.
+
+        Raises:
+            InputDataError: The parser refused the file, failed on it, was ended by it, or took more time or
+                memory than it may.
+        """
+        if parser not in self._parsed:
+            self._parsed[parser] = self._parse(parser, kind, options)
+        return self._parsed[parser]
+
+    def _parse(self, parser: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
+        path, limits = self.path, self.limits
+        try:
+            return self.child.call(parser, self.content, **options)
+        except TimeoutError:
+            reason = f"takes longer than {limits.seconds:g} s"
+        except MemoryError:
+            reason = f"takes more than {(limits.memory or 0) / 2**20:.0f} MiB of memory"
+        except OSError as error:
+            reason = f"needs a process of its own, which does not start ({error.strerror})"
+        except InputDataError as refusal:
+            raise InputDataError(f"{path}: {refusal}", hint=refusal.hint) from None
+        except ChildDiedError as error:
+            raise damaged(path, kind, f"the process that reads it {error}") from error
+        except ValueError as error:
+            raise damaged(path, kind, str(error)) from error
+        raise InputDataError(f"{path}: reading this {kind} {reason}.", hint=HINT)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -31,11 +99,10 @@ def read_bytes(path: Path) -> bytes:
     return content
 
 
-def damaged(path: Path, kind: str, error: Exception) -> InputDataError:
+def damaged(path: Path, kind: str, reason: str) -> InputDataError:
     """Return what to say about a file that its own format's reader cannot make sense of."""
-    reason = printable(str(error) or type(error).__name__)[:80]
     return InputDataError(
-        f"{path}: not an intact {kind} ({reason}).",
+        f"{path}: not an intact {kind} ({printable(reason)[:80]}).",
         hint="Save or copy it again; if it is of another format, leave out --input-format.",
     )
 

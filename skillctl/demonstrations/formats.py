@@ -1,17 +1,68 @@
-"""Which format a file has, judged by its content, and the reader of each."""
+"""Which formats there are, and which of them a file has, judged by its content.
+
+To add a format, write a module with two functions and name it in ``FORMATS``:
+
+- ``recognises(file: File) -> bool`` says whether the content looks like this format;
+- ``read(file: File) -> list[Recording]`` returns the demonstrations, or raises InputDataError.
+
+Choices, help and messages follow from the records. Nothing here imports NumPy; the readers do, when called.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from skillctl.demonstrations import archive, lasa, lpvds, matlab, robomimic, table, tum
-from skillctl.demonstrations.child import Child
-from skillctl.demonstrations.recording import Recording
-from skillctl.errors import InputDataError
+from skillctl.errors import InputDataError, UsageError
 
-FORMATS = ("csv", "tum", "npz", "robomimic", "lasa", "lpvds")  # what ``input_format`` may force
-MATLAB_5 = (b"\x00\x01IM", b"\x01\x00MI")  # version and byte order at the end of the header
+if TYPE_CHECKING:
+    from skillctl.demonstrations.files import File
+    from skillctl.demonstrations.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format in which demonstrations are read.
+
+    Attributes:
+        name: What ``input_format`` calls it.
+        help: What such files are, in words.
+        suffixes: Usual endings of their names; the content decides.
+        reader: Module of this package that recognises and reads them.
+    """
+
+    name: str
+    help: str
+    suffixes: tuple[str, ...]
+    reader: str
+
+    def recognises(self, file: File) -> bool:
+        """Say whether the content of a file looks like this format."""
+        return bool(self._module.recognises(file))
+
+    def read(self, file: File) -> list[Recording]:
+        """Return the demonstrations in a file of this format.
+
+        Raises:
+            InputDataError: Damaged, or of another format or layout.
+        """
+        recordings: list[Recording] = self._module.read(file)
+        return recordings
+
+    @property
+    def _module(self) -> Any:
+        return import_module(f"{__package__}.{self.reader}")
+
+
+FORMATS = (
+    Format("csv", "CSV and TSV tables", (".csv", ".tsv", ".txt"), "table"),
+    Format("tum", "TUM trajectories", (".txt",), "tum"),
+    Format("npz", "NumPy archives", (".npz",), "archive"),
+    Format("robomimic", "robomimic datasets", (".hdf5",), "robomimic"),
+    Format("lasa", "LASA motions", (".mat",), "lasa"),
+    Format("lpvds", "LPV-DS demonstrations", (".mat",), "lpvds"),
+)
 FOREIGN = {  # first bytes of what people hand over by mistake, and what to do then
     b"\x89SKILL": ("a skill, not a demonstration", "Look into it with: skillctl inspect"),
     b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
@@ -27,63 +78,41 @@ FOREIGN = {  # first bytes of what people hand over by mistake, and what to do t
 }
 
 
-def recordings_in(
-    content: bytes,
-    path: Path,
-    child: Child,
-    input_format: str | None = None,
-    columns: Sequence[str] | None = None,
-) -> tuple[str, list[Recording]]:
-    """Return the name of the format and the recordings in the content of a file.
+def described() -> str:
+    """Return which files are read, in words: every format with the usual endings of its files."""
+    return ", ".join(f"{form.help} ({', '.join(form.suffixes)})" for form in FORMATS)
 
-    Args:
-        content: The bytes of the file.
-        path: Where they come from, for messages.
-        child: Parses what only large libraries in C can.
-        input_format: One of ``FORMATS``; by default told from the content.
-        columns: Position columns; formats without names of their own leave them to the caller.
+
+def named(name: str) -> Format:
+    """Return the format of this name.
 
     Raises:
-        InputDataError: Damaged, or no format of these.
+        UsageError: There is none.
     """
-    importer = input_format or _format_by_signature(content, path)
-    if importer == "csv":
-        return importer, table.read(content, path, columns)
-    if importer == "tum":
-        return importer, tum.read(content, path, columns)
-    if importer == "npz":
-        return importer, archive.read(content, path)
-    if importer == "robomimic":
-        return importer, robomimic.read(child, content, path, columns)
-    return _from_matlab(matlab.variables(child, content, path), path, importer)
+    for form in FORMATS:
+        if form.name == name:
+            return form
+    names = ", ".join(form.name for form in FORMATS)
+    raise UsageError(f"input format: {name!r} is none of {names}.")
 
 
-def _format_by_signature(content: bytes, path: Path) -> str:
-    """Return one of FORMATS, or mat for those two that are MATLAB files, judging by the first bytes."""
-    if content.startswith(b"PK\x03\x04"):
-        return "npz"
-    if content.startswith(b"\x89HDF"):
-        return "robomimic"
-    if content[124:128] in MATLAB_5:
-        return "mat"
+def format_of(file: File) -> Format:
+    """Return the format that the content of a file has.
+
+    Raises:
+        InputDataError: Damaged, or none of ``FORMATS``.
+    """
     for start, (what, hint) in FOREIGN.items():
-        if content.startswith(start):
-            raise InputDataError(f"{path}: {what}.", hint=hint)
-    if b"\0" in content:
-        raise InputDataError(
-            f"{path}: neither text nor a format that skillctl knows.",
-            hint="Demonstrations are read from CSV, TUM, NPZ, robomimic HDF5, LASA and LPV-DS .mat files.",
-        )
-    return "tum" if tum.recognises(content) else "csv"
+        if file.content.startswith(start):
+            raise InputDataError(f"{file.path}: {what}.", hint=hint)
+    for form in (*FORMATS[1:], FORMATS[0]):  # tables last: any text may be one
+        if form.recognises(file):
+            return form
+    from skillctl.demonstrations import matlab  # late: it needs NumPy
 
-
-def _from_matlab(variables: matlab.Variables, path: Path, importer: str) -> tuple[str, list[Recording]]:
-    """Read the variables of a MATLAB file as ``importer`` says, or by their layout if it says ``mat``."""
-    if importer == "lasa" or (importer == "mat" and lasa.recognises(variables)):
-        return "lasa", lasa.read(variables, path)
-    if importer == "lpvds" or lpvds.recognises(variables):
-        return "lpvds", lpvds.read(variables, path)
+    if matlab.recognises(file):
+        expected = "demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt])"
+        raise matlab.other_layout(file, "a MATLAB file of unknown layout", expected)
     raise InputDataError(
-        f"{path}: a MATLAB file of unknown layout (found {matlab.described(variables)}).",
-        hint="Expected demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt]).",
+        f"{file.path}: neither text nor a format that skillctl knows.", hint=f"These are read: {described()}."
     )

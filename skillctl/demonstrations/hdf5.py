@@ -1,7 +1,7 @@
 """HDF5, as far as other people's files may use it: what lies in the file itself, and numbers only.
 
-Runs in the child of ``child.py`` alone. Every link is looked at before it is followed, and every dataset
-before it is read.
+Runs in a child process alone, see ``files.File.parsed``. Every link is looked at before it is followed, and
+every dataset before it is read.
 """
 
 from __future__ import annotations

@@ -22,13 +22,13 @@ def joints(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     columns: dict[str, dict[str, str]] = {}
     for name in names:
         columns.setdefault(name[:-1], {}).setdefault(name[-1:].lower(), name)
-    found: dict[str, tuple[str, ...]] = {}
+    skeleton: dict[str, tuple[str, ...]] = {}
     for stem, by_axis in columns.items():
         axes = AXIS_NAMES if "z" in by_axis else AXIS_NAMES[:2]
         joint = stem.rstrip(SEPARATORS)
         if len(joint) > 1 and set(axes) <= set(by_axis):
-            found[joint] = tuple(by_axis[axis] for axis in axes)
-    return found
+            skeleton[joint] = tuple(by_axis[axis] for axis in axes)
+    return skeleton
 
 
 def chosen(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[int, ...]:
@@ -47,9 +47,9 @@ def require_few(candidates: Sequence[str], path: Path) -> None:
     """Raise InputDataError if there are more columns than a motion has dimensions: the user must choose."""
     if len(candidates) <= MOST:
         return
-    found = joints(candidates)
-    what = f"joints are: {listed(tuple(found), 40)}" if found else f"columns are: {listed(candidates, 40)}"
-    example = next(iter(found), "a,b,c")
+    skeleton = tuple(joints(candidates))
+    what = f"joints are: {listed(skeleton, 40)}" if skeleton else f"columns are: {listed(candidates, 40)}"
+    example = next(iter(skeleton), "a,b,c")
     raise InputDataError(
         f"{path}: {len(candidates)} columns could be positions; which are?",
         hint=f"Choose with --columns, as in --columns {printable(example)}. The {what}.",

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from skillctl.demonstrations.matlab import Value, Variables, described, matrix
+from skillctl.demonstrations import matlab
+from skillctl.demonstrations.files import File
+from skillctl.demonstrations.matlab import Value, Variables, matrix
 from skillctl.demonstrations.recording import Recording
 from skillctl.errors import InputDataError
 
 FIELDS = ("pos", "vel", "t")
 
 
-def recognises(content: Variables) -> bool:
-    """Say whether the variables are laid out as in the LASA data set."""
-    return bool(_structs(content))
+def recognises(file: File) -> bool:
+    """Say whether the content is a MATLAB file whose variables are laid out as in the LASA data set."""
+    return matlab.recognises(file) and bool(_structs(matlab.variables(file)))
 
 
-def read(content: Variables, path: Path) -> list[Recording]:
+def read(file: File) -> list[Recording]:
     """Return the demonstrations in the cell array ``demos``: structs of pos (d, T), vel (d, T), t (1, T).
 
     Raises:
@@ -25,12 +25,11 @@ def read(content: Variables, path: Path) -> list[Recording]:
     References:
         Khansari-Zadeh & Billard 2011, the data set that accompanies SEDS.
     """
-    structs = _structs(content)
+    variables, path = matlab.variables(file), file.path
+    structs = _structs(variables)
     if not structs:
-        raise InputDataError(
-            f"{path}: not laid out as LASA motions (found {described(content)}).",
-            hint="Expected a cell array demos of structs with the fields pos, vel and t.",
-        )
+        expected = "a cell array demos of structs with the fields pos, vel and t"
+        raise matlab.other_layout(file, "not laid out as LASA motions", expected)
     recordings = []
     for index, fields in enumerate(structs):
         pos, vel, t = (matrix(fields[name]) for name in FIELDS)
@@ -44,9 +43,9 @@ def read(content: Variables, path: Path) -> list[Recording]:
     return recordings
 
 
-def _structs(content: Variables) -> list[dict[str, Value]]:
+def _structs(variables: Variables) -> list[dict[str, Value]]:
     """Return the structs in ``demos``; none if something else stands there."""
-    demos = content.get("demos")
+    demos = variables.get("demos")
     cells = demos if isinstance(demos, list) else []
     structs = [cell for cell in cells if isinstance(cell, dict) and set(FIELDS) <= set(cell)]
     return structs if len(structs) == len(cells) else []

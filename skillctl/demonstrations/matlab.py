@@ -3,40 +3,52 @@
 from __future__ import annotations
 
 from io import BytesIO
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.child import Child
+from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import listed
+from skillctl.errors import InputDataError
 
 # Numbers; a cell array or an array of structs, column by column; one struct; or what no demonstration is
 # made of: text, sparse and complex matrices, objects.
 Value: TypeAlias = FloatArray | list["Value"] | dict[str, "Value"] | None
 Variables: TypeAlias = dict[str, Value]
 
+VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")  # version and byte order at the end of the header
 MAX_DEPTH = 8  # cells in structs in cells …; demonstrations need three
 NUMBERS = "fiub"  # kinds of dtype; MATLAB's logical arrays are numbers, too
 
 
-def variables(child: Child, content: bytes, path: Path) -> Variables:
-    """Return the variables in the content of a MATLAB 5 file.
+def recognises(file: File) -> bool:
+    """Say whether the content is a MATLAB 5 file."""
+    return file.content[124:128] in VERSION_5
+
+
+def variables(file: File) -> Variables:
+    """Return the variables in a MATLAB 5 file.
 
     Raises:
         InputDataError: Damaged, or too large when unpacked.
     """
-    found: Variables = child.parse(parse, content, path, "MATLAB 5 file")
-    return found
+    parsed: Variables = file.parsed(parse, "MATLAB 5 file")
+    return parsed
+
+
+def other_layout(file: File, what: str, expected: str) -> InputDataError:
+    """Return what to say about a MATLAB file that does not hold the demonstrations it should."""
+    holds = described(variables(file))
+    return InputDataError(f"{file.path}: {what} (found {holds}).", hint=f"Expected {expected}.")
 
 
 def parse(content: bytes) -> Variables:
     """Return the variables; runs in the child."""
     from scipy.io import loadmat
 
-    found = loadmat(BytesIO(content))  # type: ignore[arg-type]  # it reads open files, too
-    return {name: _value(value, MAX_DEPTH) for name, value in found.items() if not name.startswith("__")}
+    loaded = loadmat(BytesIO(content))  # type: ignore[arg-type]  # it reads open files, too
+    return {name: _value(value, MAX_DEPTH) for name, value in loaded.items() if not name.startswith("__")}
 
 
 def _value(value: Any, depth: int) -> Value:

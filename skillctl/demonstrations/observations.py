@@ -1,4 +1,4 @@
-"""What a robomimic dataset holds; runs in the child of ``child.py`` alone."""
+"""What a robomimic dataset holds; runs in a child process alone, which imports h5py."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDEST = 64  # columns: no state of a robot has more; pictures and clouds of poi
 
 
 def contents(content: bytes, keys: list[str]) -> dict[str, Any]:
-    """Return the demonstrations in a dataset, or what else is there, as ``child.py`` can hand it over.
+    """Return the demonstrations in a dataset, or what else is there, as a child can hand it over.
 
     Args:
         content: The bytes of the file.

@@ -7,21 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
 
 if TYPE_CHECKING:
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
-# What ``input_format`` may force; spelt again because ``formats`` imports NumPy.
-FORMATS = ("csv", "tum", "npz", "robomimic", "lasa", "lpvds")
 
 
 @dataclass(frozen=True)
 class Reading:
     """How the files are read; see ``skillctl.demonstrations.reader.read_demonstrations``."""
 
-    input_format: str | None = option(choices=FORMATS, group=READING, help="Default: told from the content.")
+    input_format: str | None = option(
+        choices=tuple(form.name for form in FORMATS),
+        group=READING,
+        help="Default: told from the content.",
+    )
     columns: tuple[str, ...] | None = option(
         read=read_words,
         metavar="X,Y,Z",

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.demonstrations.checks import prepare, set_notes
-from skillctl.demonstrations.child import Child
-from skillctl.demonstrations.files import read_bytes
-from skillctl.demonstrations.formats import FORMATS, recordings_in
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
+from skillctl.demonstrations.formats import format_of, named
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean
+from skillctl.workers.child import Child
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class InputFile:
     Attributes:
         path: As the user named it.
         sha256: Of its bytes, in hexadecimal.
-        importer: One of ``FORMATS``.
+        importer: Name of its format, one of ``FORMATS``.
     """
 
     path: Path
@@ -59,7 +59,7 @@ def read_demonstrations(
 
     Args:
         paths: Files of any of ``FORMATS``.
-        input_format: Read every file as this format instead of looking at its content.
+        input_format: Name of a format: read every file as this one instead of looking at its content.
         columns: Names of the position columns, in this order: of a table's columns or a skeleton's joints, of
             a robomimic dataset's observations; x, y, z (or q1 …) in formats without names.
         dt: Sampling period of files that say nothing about time, [s].
@@ -74,28 +74,27 @@ def read_demonstrations(
         InputDataError: Anything in a file that makes it unusable, with file and place.
         UsageError: Options that make no sense, or select a demonstration that is not there.
     """
-    _require_options(input_format, dt, scale)
+    forced = None if input_format is None else named(input_format)
+    _require_positive(dt=dt, scale=scale)
     recordings: list[Recording] = []
     sources = []
-    with Child() as child:
+    with Child(LIMITS, NO_PLUGINS) as child:
         for path in map(Path, paths):
-            content = read_bytes(path)
-            importer, found = recordings_in(content, path, child, input_format, columns)
-            recordings += [_as_asked(recording, columns, units) for recording in found]
-            sources.append(InputFile(path, hashlib.sha256(content).hexdigest(), importer))
-    chosen = _selected(recordings, select)
-    names = _names(chosen)
-    prepared = [prepare(recording, dt=dt, scale=scale) for recording in chosen]
+            file = File(path, read_bytes(path), columns, child)
+            form = format_of(file) if forced is None else forced
+            recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
+            sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
+    selection = _selected(recordings, select)
+    names = _names(selection)
+    prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
-    notes = _file_notes(chosen, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
+    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
 
 
-def _require_options(input_format: str | None, dt: float | None, scale: float) -> None:
-    if input_format is not None and input_format not in FORMATS:
-        raise UsageError(f"input format: {input_format!r} is none of {', '.join(FORMATS)}.")
-    for name, value in {"dt": dt, "scale": scale}.items():
+def _require_positive(**numbers: float | None) -> None:
+    for name, value in numbers.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise UsageError(f"{name}: must be a positive number, got {value!r}.")
 
@@ -140,9 +139,9 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     dimension = named.positions.shape[1]
     names = named.names or default_names(dimension, named.unit)
     for recording in recordings:
-        found = recording.positions.shape[1]
-        if found != dimension or recording.names not in (None, names):
-            what = f"{found} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
+        width = recording.positions.shape[1]
+        if width != dimension or recording.names not in (None, names):
+            what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
             raise InputDataError(
                 f"{recording.label}: {what}, but {named.label} has {listed(names)}.",
                 hint="All demonstrations of one skill need the same columns; choose them with --columns.",

@@ -102,5 +102,5 @@ def column_indices(
 
 def listed(names: Sequence[str], most: int = 20) -> str:
     """Return names from a file as a list that is safe and short enough to print."""
-    shown = ", ".join(printable(name)[:40] for name in names[:most])
-    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+    text = ", ".join(printable(name)[:40] for name in names[:most])
+    return f"{text} and {len(names) - most} more" if len(names) > most else text

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from skillctl.demonstrations.child import Child
+from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, column_indices, listed, uniform_times
 from skillctl.errors import InputDataError
 from skillctl.model.space import AXIS_NAMES
@@ -14,10 +12,15 @@ from skillctl.model.space import AXIS_NAMES
 POSITION = "robot0_eef_pos"  # the observation read unless others are chosen: the first hand, in metres
 
 
-def read(child: Child, content: bytes, path: Path, columns: Sequence[str] | None = None) -> list[Recording]:
+def recognises(file: File) -> bool:
+    """Say whether the content is an HDF5 file."""
+    return file.content.startswith(b"\x89HDF")
+
+
+def read(file: File) -> list[Recording]:
     """Return the demonstrations in a robomimic dataset, in the order of their numbers.
 
-    ``columns`` names observations; several stand side by side. The sampling period is one over the
+    ``file.columns`` names observations; several stand side by side. The sampling period is one over the
     ``control_freq`` of the environment that the dataset was recorded in, where it says so.
 
     Raises:
@@ -27,12 +30,12 @@ def read(child: Child, content: bytes, path: Path, columns: Sequence[str] | None
         Mandlekar et al. 2021, "What Matters in Learning from Offline Human Demonstrations", and the
         description of the dataset structure in robomimic's documentation.
     """
-    wanted = list(columns or [POSITION])
-    found = child.parse(parse, content, path, "HDF5 file", keys=wanted)
-    widths, frequency = found["widths"], found["frequency"]
-    if not found["count"]:
+    path, wanted = file.path, list(file.columns or [POSITION])
+    dataset = file.parsed(parse, "HDF5 file", keys=wanted)
+    widths, frequency = dataset["widths"], dataset["frequency"]
+    if not dataset["count"]:
         raise InputDataError(
-            f"{path}: an HDF5 file of unknown layout (found {listed(found['members']) or 'nothing'}).",
+            f"{path}: an HDF5 file of unknown layout (found {listed(dataset['members']) or 'nothing'}).",
             hint=f"Expected a robomimic dataset: data/demo_0/obs/{POSITION}.",
         )
     if not widths:
@@ -42,7 +45,7 @@ def read(child: Child, content: bytes, path: Path, columns: Sequence[str] | None
         )
     column_indices(wanted, list(widths), path, what="observation")
     names = _names({key: widths[key] for key in wanted})
-    unused = () if columns is not None else tuple(key for key in widths if key not in wanted)
+    unused = () if file.columns is not None else tuple(key for key in widths if key not in wanted)
     return [
         Recording(
             path,
@@ -52,7 +55,7 @@ def read(child: Child, content: bytes, path: Path, columns: Sequence[str] | None
             part=name,
             unused=unused,
         )
-        for name, positions in found["demonstrations"].items()
+        for name, positions in dataset["demonstrations"].items()
     ]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations import joints
+from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import GAPS, Recording, listed
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
@@ -30,20 +31,19 @@ TIME = re.compile(rf"(?:t|time|stamp|timestamp)(?:_{UNIT}| ?[\[(]{UNIT}[\])])?",
 DEMO = "demo"
 
 
-def read(
-    content: bytes,
-    path: Path,
-    columns: Sequence[str] | None = None,
-    *,
-    header: Sequence[str] | None = None,
-) -> list[Recording]:
+def recognises(file: File) -> bool:
+    """Say whether the content is text: there is nothing else that tables have in common."""
+    return b"\0" not in file.content
+
+
+def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
     """Return the demonstrations of a table.
 
     The first row names the columns: a time (``t``, ``time``, ``stamp`` or ``timestamp``, in seconds unless
     its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several
     demonstrations apart. Of tables that hold more than positions x and y (and z), only these are used; of
-    all others, every column is, up to seven. ``columns`` says otherwise; it may name joints of a skeleton,
-    too.
+    all others, every column is, up to seven. ``file.columns`` says otherwise; it may also name joints of a
+    skeleton.
     Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
     Lines that start with # or % are comments; the last one before the numbers may be the header.
     ``header`` says what the columns of a format are that has no header and separates by spaces.
@@ -51,10 +51,11 @@ def read(
     Raises:
         InputDataError: No text, no header, no rows, ragged rows, cells that are no numbers: by line.
     """
-    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig")
+    path = file.path
+    text = io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
     try:
         names, body = _opened(text, header, path)
-        layout = _layout(names, columns, path)
+        layout = _layout(names, file.columns, path)
         blocks = list(_blocks(body, layout, path))
     except UnicodeDecodeError as error:
         raise InputDataError(f"{path}: not UTF-8 text.", hint="Save the table as UTF-8.") from error
@@ -241,17 +242,17 @@ def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Bloc
 
 def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, path: Path) -> InputDataError:
     """Return what to say about the first cell of a block that is no number."""
-    line, column, found = next(
+    line, column, cell = next(
         (line, column, cells[column])
         for (line, cells), row in zip(block, texts, strict=True)
         for column, cell in zip(layout.numeric, row, strict=True)
         if not _is_number(cell)
     )
     where = f"{path}, line {line}, column '{printable(layout.names[column])}'"
-    if not found:
+    if not cell:
         return InputDataError(f"{where}: an empty cell.", hint=GAPS)
     return InputDataError(
-        f"{where}: '{printable(found)[:40]}' is not a number.",
+        f"{where}: '{printable(cell)[:40]}' is not a number.",
         hint=f"Correct the cell, or choose columns with --columns. They are: {listed(layout.names)}.",
     )
 

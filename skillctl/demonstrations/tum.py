@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 
 from skillctl.demonstrations import table
+from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording
 
 COLUMNS = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -15,13 +14,15 @@ HEAD = 2**16  # bytes: comments longer than this hide what follows
 UNIT = 0.01  # a unit quaternion, written with two decimals or more, is this close to length one
 
 
-def recognises(content: bytes) -> bool:
+def recognises(file: File) -> bool:
     """Say whether a text is a TUM trajectory: by its header, or a first row that ends in a unit quaternion.
 
     A table of seven joints may have as many numbers, but then it has a header of its own.
     """
+    if not table.recognises(file):
+        return False
     above: list[str] = []
-    for line in content[:HEAD].decode(errors="replace").splitlines():
+    for line in file.content[:HEAD].decode(errors="replace").splitlines():
         words = line.lower().strip("# ").split()
         if words in HEADERS:
             return True
@@ -31,7 +32,7 @@ def recognises(content: bytes) -> bool:
     return False
 
 
-def read(content: bytes, path: Path, columns: Sequence[str] | None = None) -> list[Recording]:
+def read(file: File) -> list[Recording]:
     """Return the one demonstration in a TUM trajectory: its positions; orientations are left aside.
 
     Raises:
@@ -40,7 +41,7 @@ def read(content: bytes, path: Path, columns: Sequence[str] | None = None) -> li
     References:
         Sturm et al. 2012, the RGB-D benchmark; its page on file formats.
     """
-    return table.read(content, path, columns, header=COLUMNS)
+    return table.read(file, header=COLUMNS)
 
 
 def _is_pose(words: list[str]) -> bool:

@@ -34,8 +34,10 @@ def load_bullet() -> Any:
 
 
 @contextmanager
-def silenced(descriptor: int) -> Iterator[None]:
+def silenced(descriptor: int, into: int | None = None) -> Iterator[None]:
     """Discard what anybody, C code included, writes to a file descriptor (1 or 2) within the block.
+
+    Or let it go to the descriptor ``into``.
 
     Replacing ``sys.stdout`` would not reach C code, and C keeps its own buffer: it is emptied before
     the descriptor is given back, or its text would surface afterwards.
@@ -46,7 +48,7 @@ def silenced(descriptor: int) -> Iterator[None]:
     except OSError:  # closed by our caller: nothing to protect
         yield
         return
-    sink = os.open(os.devnull, os.O_WRONLY)
+    sink = os.open(os.devnull, os.O_WRONLY) if into is None else os.dup(into)
     try:
         os.dup2(sink, descriptor)
         yield

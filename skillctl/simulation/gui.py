@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
 import sys
 import time
 
 from skillctl.errors import NotFoundError, UsageError
 from skillctl.simulation.bullet import load_bullet
+from skillctl.workers.child import Child, ChildDiedError
+from skillctl.workers.limits import Limits
 
-PROBE = "import sys; sys.path[:] = sys.argv[1:]; import pybullet as p; p.disconnect(p.connect(p.GUI))"
-PROBE_TIME = 120.0  # [s]: software rendering starts slowly
+LIMITS = Limits(seconds=120.0)  # software rendering starts slowly
 HINT = "Leave --gui out; --picture and --video need no display."
 
 
@@ -29,16 +28,22 @@ def require_window() -> None:
     display = os.environ.get("DISPLAY", "")
     if sys.platform.startswith("linux") and not display:
         raise NotFoundError("there is no display to open a window on (DISPLAY is not set).", hint=HINT)
-    command = [sys.executable, "-I", "-c", PROBE, *sys.path]
     try:
-        ended = subprocess.run(command, capture_output=True, timeout=PROBE_TIME, check=False).returncode
-    except subprocess.TimeoutExpired:
-        raise UsageError(f"no window opens on {display!r} within {PROBE_TIME:g} s.", hint=HINT) from None
-    if ended:
-        how = signal.Signals(-ended).name if ended < 0 else f"status {ended}"
+        with Child(LIMITS) as child:
+            child.call(open_window)
+    except TimeoutError:
+        raise UsageError(f"no window opens on {display!r} within {LIMITS.seconds:g} s.", hint=HINT) from None
+    except (ChildDiedError, ValueError) as error:
+        how = f"Bullet fails: {error}" if isinstance(error, ValueError) else f"the process that tries {error}"
         raise NotFoundError(
-            f"no window can be opened on the display {display!r} (Bullet gives up with {how}).", hint=HINT
-        )
+            f"no window can be opened on the display {display!r} ({how}).", hint=HINT
+        ) from None
+
+
+def open_window() -> None:
+    """Open a window and close it, which may end this process."""
+    bullet = load_bullet()
+    bullet.disconnect(bullet.connect(bullet.GUI))
 
 
 class Pace:

@@ -1,38 +1,25 @@
-"""What is in a URDF file: read in a process of its own, which a damaged file or mesh may take down.
-
-Run as a program with the file and the module search path as its arguments; prints one JSON document. It
-imports nothing of skillctl: it starts fast, and what it may break is its own.
-"""
+"""What is in a URDF file; read in a child process, which a damaged file or mesh may crash."""
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
-import sys
 import xml.etree.ElementTree as Xml
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-MEMORY_LIMIT = 4 * 2**30  # [bytes]: a mesh that needs more is not a robot's
+from skillctl.simulation.bullet import load_bullet, silenced
+
 STEPS = 24  # of physics: enough for masses that make no sense to show
 BOUNDED = ("revolute", "prismatic")
 JOINT_TYPES = (*BOUNDED, "continuous", "fixed")
 FIXED = 4  # Bullet's number of this type
 
 
-def main() -> None:
-    """Describe the file that the command line names."""
-    path, *sys.path[:] = sys.argv[1:]
-    answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # Bullet talks on standard output
-    _limit_memory()
-    answer.write(json.dumps(describe(path)))
-    answer.close()
-
-
 def describe(path: str) -> dict[str, Any]:
-    """Return ``refused`` with a reason, or ``joints`` and ``missing``: see ``urdf``."""
+    """Return ``refused`` with a reason, or ``joints``, a list of dictionaries: see ``_joint``."""
     try:
         root = Xml.parse(path).getroot()
     except Xml.ParseError as error:
@@ -52,12 +39,16 @@ def describe(path: str) -> dict[str, Any]:
 
 
 def _loaded(path: str, continuous: set[str | None]) -> dict[str, Any]:
-    import pybullet as bullet
-
+    bullet = load_bullet()
     client = bullet.connect(bullet.DIRECT)
-    try:
-        body = bullet.loadURDF(path, useFixedBase=True, physicsClientId=client)
-    except bullet.error:
+    with _chatter() as chatter:
+        try:
+            body = bullet.loadURDF(path, useFixedBase=True, physicsClientId=client)
+        except bullet.error:
+            body = None
+    if missing := re.search(r"cannot (?:find|extract mesh from) '([^']*)'", chatter[0]):
+        return {"refused": f"refers to {missing[1]!r}, which is missing or damaged"}
+    if body is None:
         return {"refused": "cannot be loaded by PyBullet"}
     infos = [
         bullet.getJointInfo(body, joint, physicsClientId=client)
@@ -90,20 +81,14 @@ def _joint(info: tuple[Any, ...], continuous: set[str | None]) -> dict[str, Any]
     }
 
 
-def complaint(chatter: str) -> str:
-    """Return the file that Bullet says it cannot find, or nothing."""
-    found = re.search(r"cannot find '([^']*)'|cannot extract mesh from '([^']*)'", chatter)
-    return "" if found is None else found[1] or found[2]
-
-
-def _limit_memory() -> None:
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
-
-
-if __name__ == "__main__":
-    main()
+@contextmanager
+def _chatter() -> Iterator[list[str]]:
+    """Give a list that holds, after the block, what C code has printed in it: the first 64 KiB at least."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)  # what does not fit into the pipe is lost, and nobody waits
+    printed: list[str] = []
+    with silenced(1, writing), silenced(2, writing):
+        yield printed
+    os.close(writing)
+    with os.fdopen(reading, errors="replace") as pipe:
+        printed.append(pipe.read())

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,8 +15,10 @@ from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_m
 from skillctl.simulation import probe
 from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
 from skillctl.simulation.bullet import load_bullet, silenced
+from skillctl.workers.child import Child, ChildDiedError
+from skillctl.workers.limits import Limits
 
-TIME_LIMIT = 60.0  # [s], to load the file and its meshes
+LIMITS = Limits(seconds=60.0, memory=2**32)  # to load the file and its meshes
 MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
 FEWEST_JOINTS = 3  # to move a hand in three dimensions
 REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm takes its wrist to singularities
@@ -100,18 +98,15 @@ def _read(path: Path, _: int, tip: str | None, home: tuple[float, ...] | None) -
 
 def _probed(path: Path) -> list[Joint]:
     """Return the joints of the file, as a process of its own has read them."""
-    command = [sys.executable, "-I", "-B", probe.__file__, str(path), *sys.path]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT, check=False)
-    except subprocess.TimeoutExpired:
-        raise _refused(path, f"takes longer than {TIME_LIMIT:g} s to load") from None
-    chatter = done.stderr.decode(errors="replace")
-    if done.returncode:
-        raise _refused(path, f"makes the program that loads it {_ending(done.returncode)}")
-    answer = json.loads(done.stdout)
-    missing = probe.complaint(chatter)
-    if missing:
-        raise _refused(path, f"refers to {missing!r}, which is missing or damaged")
+        with Child(LIMITS) as child:
+            answer = child.call(probe.describe, str(path))
+    except TimeoutError:
+        raise _refused(path, f"takes longer than {LIMITS.seconds:g} s to load") from None
+    except (ChildDiedError, MemoryError, ValueError) as error:
+        how = f"the process that does {error}" if isinstance(error, ChildDiedError) else str(error)
+        reason = f"cannot be loaded ({how or 'no memory is left'}); it, or a mesh it names, is damaged"
+        raise _refused(path, reason) from None
     if "refused" in answer:
         raise _refused(path, answer["refused"])
     return list(answer["joints"])
@@ -121,13 +116,6 @@ def _refused(path: Path, reason: str) -> InputDataError:
     return InputDataError(
         printable(f"{path}: this URDF file {reason}."), hint="Check the file and the meshes it names."
     )
-
-
-def _ending(code: int) -> str:
-    try:
-        return f"crash ({signal.Signals(-code).name}); the file, or a mesh it names, is damaged"
-    except ValueError:
-        return f"fail (status {code}); the file, or a mesh it names, is damaged or too large"
 
 
 def _default_tip(joints: list[Joint]) -> int:

@@ -32,8 +32,8 @@ def run_on_cluster(
 ) -> Generator[tuple[int, Result | WorkerDied], None, None]:
     """Yield (position, task(item)) for every item, in the order in which they are done.
 
-    An item whose worker dies is tried again elsewhere, three times unless the scheduler is told otherwise;
-    then all is given up that the last worker had to do. Such items are run again one at a time: what dies
+    The scheduler tries an item whose worker dies again elsewhere, three times unless configured otherwise;
+    then it gives up all that the last worker had to do. Such items are run again one at a time: what dies
     there, too, has died by itself.
 
     Raises:

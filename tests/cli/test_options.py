@@ -21,7 +21,7 @@ from skillctl.usecases.verify_stability import Requirements
 @pytest.mark.parametrize(
     ("spelt", "defined"),
     [
-        (options.InputFormat, FORMATS),
+        (options.InputFormat, [form.name for form in FORMATS]),
         (options.Units, get_args(Unit)),
         (options.Objective, OBJECTIVES),
         (options.Metric, METRICS),

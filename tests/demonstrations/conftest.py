@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.child import Child
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS
 from skillctl.demonstrations.reader import ReadResult, read_demonstrations
+from skillctl.workers.child import Child
 
 
 @pytest.fixture
@@ -57,7 +58,7 @@ def save_mat(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="module")
 def child() -> Iterator[Child]:
     """A process that parses; one for many tests, because starting it takes longer than they do."""
-    with Child() as child:
+    with Child(LIMITS, NO_PLUGINS) as child:
         yield child
 
 

@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 
 from skillctl.demonstrations import matlab
+from skillctl.demonstrations.files import File
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError
 
@@ -18,7 +19,7 @@ EPS = np.finfo(np.float64).eps
 
 @pytest.fixture
 def variables(child) -> Callable[[Path], matlab.Variables]:
-    return lambda path: matlab.variables(child, path.read_bytes(), path)
+    return lambda path: matlab.variables(File(path, path.read_bytes(), None, child))
 
 
 # ------------------------------------------------------------------------------------- values

@@ -59,7 +59,7 @@ def test_the_format_is_chosen_by_content_not_by_name(write, save_npz, save_mat, 
 
 def test_a_forced_format_is_not_second_guessed(write, save_npz, curve) -> None:
     archive = save_npz(positions=curve(), dt=0.1)
-    for name in FORMATS:
+    for name in (form.name for form in FORMATS):
         if name == "npz":
             read_demonstrations([archive], input_format=name)
         else:
@@ -287,12 +287,19 @@ def test_the_same_content_twice_is_reported(write) -> None:
     assert read_demonstrations([a, a]).notes == (f"{a} has the same content as {a}.",)
 
 
+def test_a_velocity_that_is_not_finite_is_refused_with_its_place(save_npz, curve) -> None:
+    velocities = np.ones((20, 2))
+    velocities[7, 1] = np.nan
+    with pytest.raises(InputDataError, match=r"reach\.npz, sample 7: its velocity is not finite"):
+        read_demonstrations([save_npz(positions=curve(), velocities=velocities, dt=0.1)])
+
+
 # ------------------------------------------------------------------------------------- start-up
 
 
 def test_reading_any_format_loads_neither_scipy_nor_hdf5(lasa) -> None:
     code = (
-        "import sys; from skillctl.demonstrations import read_demonstrations, reaching\n"
+        "import sys; from skillctl.demonstrations.reader import read_demonstrations\n"
         "read_demonstrations([sys.argv[1]])\n"
         "print(sorted({'scipy', 'h5py', 'pydantic', 'typer', 'pybullet', 'matplotlib'} & set(sys.modules)))"
     )

@@ -166,7 +166,7 @@ def test_memory_grows_with_the_file_and_no_faster(tmp_path: Path) -> None:
     if sys.platform != "linux":
         pytest.skip("elsewhere the peak has another unit")
     code = (
-        "import resource, sys, skillctl.demonstrations as d; d.read_demonstrations(sys.argv[1:])\n"
+        "import resource, sys, skillctl.demonstrations.reader as d; d.read_demonstrations(sys.argv[1:])\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)"
     )
     peaks, sizes = [], []

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from h5py import h5d, h5p, h5s, h5t
 
-from skillctl.demonstrations import child
+from skillctl.demonstrations.files import LIMITS
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 
@@ -268,7 +268,7 @@ def test_no_other_file_is_opened(save_robomimic, motions, tmp_path) -> None:
     target = tmp_path / "secret-target"
     target.write_bytes(bytes(4096))
     path = save_robomimic(motions[:1], edit=external_storage(str(target)))
-    code = "import sys, skillctl.demonstrations as d; d.read_demonstrations([sys.argv[1]])"
+    code = "import sys, skillctl.demonstrations.reader as d; d.read_demonstrations([sys.argv[1]])"
     command = ["strace", "-f", "-e", "trace=open,openat,openat2", sys.executable, "-c", code, str(path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     if "low_dim.hdf5" not in run.stderr.split("Traceback")[0]:
@@ -288,7 +288,7 @@ def test_a_file_that_libhdf5_never_finishes_is_given_up(save_robomimic, motions,
     start = time.monotonic()
     run = shell("learn", path, "-o", "reach.h5")
     # Start-up takes as long again, or twice as long on a busy machine.
-    assert time.monotonic() - start < child.TIME_LIMIT + 2 * (start - begin)
+    assert time.monotonic() - start < LIMITS.seconds + 2 * (start - begin)
     assert "takes longer than 8 s" in run.stderr
     assert (run.returncode, run.stdout) == (5, "")
     assert str(path) in run.stderr

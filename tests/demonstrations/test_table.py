@@ -215,7 +215,7 @@ def test_blank_lines_at_the_end_do_not_count_however_many(read_text) -> None:
 numbers = st.floats(-1e8, 1e8)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(
     hnp.arrays(np.float64, st.tuples(st.integers(2, 6), st.integers(1, 4)), elements=numbers), st.booleans()
 )
@@ -227,3 +227,8 @@ def test_every_number_is_read_to_the_last_bit(write, positions, cell_by_cell: bo
     ]
     text = "\n".join([*lines, "# end"] if cell_by_cell else lines)  # a comment needs the careful path
     assert (only(read_demonstrations([write(text)])).positions == positions).all()
+
+
+def test_a_cell_without_end_is_refused(write) -> None:
+    with pytest.raises(InputDataError, match=r"not a table \(field larger than field limit"):
+        read_demonstrations([write('t,x\n0,"' + 200_000 * "1" + '"\n')])

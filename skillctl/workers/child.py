@@ -1,0 +1,180 @@
+"""A child process that calls functions for its parent, whom nothing they do there can harm.
+
+Libraries written in C may crash on a damaged file, never return, or take all memory. In a child that costs
+the one call: ``Child.call`` raises, and the next call starts a new child.
+
+- ``Limits`` bound the time, the memory and the answer of a call, and forbid writing files. A child with
+  limits is not trusted: it answers with numbers, text, lists, dictionaries and arrays only (``messages``).
+- Without limits, results are whatever can be pickled, and exceptions are raised as they are.
+- Arguments are pickled, and functions are found by name: they stand at the top level of a module.
+- What functions print on standard output is lost; on standard error, it is if there are limits.
+- No child outlives its parent, however that ends. Ctrl-C is for the parent to answer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
+from types import MappingProxyType, TracebackType
+from typing import IO, Any, TypeAlias, cast
+
+from skillctl.workers import messages
+from skillctl.workers.limits import Limits
+from skillctl.workers.threads import THREAD_VARIABLES
+
+START = (
+    "import sys; limits, *sys.path[:] = sys.argv[1:]; "
+    "from skillctl.workers.serving import serve; serve(limits)"
+)
+NO_MORE: Mapping[str, str] = MappingProxyType({})
+Process: TypeAlias = "subprocess.Popen[bytes]"
+
+
+class ChildDiedError(Exception):
+    """A child ended instead of answering, or answered nonsense; the text says how: ``ends with SIGSEGV``."""
+
+
+class Child:
+    """A process for calling functions, started when first needed, and again after a call has ended it.
+
+    Its user closes it, best by a ``with`` statement. Another thread may do so, too; a call that is under way
+    then raises ChildDiedError.
+
+    Args:
+        limits: Of each call; None trusts the functions and their data.
+        environment: Environment variables that the child has besides those of this process.
+    """
+
+    def __init__(self, limits: Limits | None = None, environment: Mapping[str, str] = NO_MORE) -> None:
+        self._limits = limits
+        # One thread for linear algebra: others would reserve address space, and results would depend on them.
+        self._environment = {**dict.fromkeys(THREAD_VARIABLES, "1"), **environment}
+        self._process: Process | None = None
+        self._closed = False
+        self._lock = threading.Lock()  # of the two above
+
+    def __enter__(self) -> Child:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def call(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        """Return ``function(*arguments, **options)``, computed in the child.
+
+        Raises:
+            TimeoutError: There was no answer in time.
+            MemoryError: The function took more memory than it may.
+            ChildDiedError: The child ended instead.
+            OSError: It does not start.
+            Whatever the function raises; with limits InputDataError as it is, and ValueError with the text of
+                any other exception.
+        """
+        request = pickle.dumps((function, arguments, options))
+        process = self._started()
+        try:
+            with _time_limit(process, self._limits):
+                requests, answers = _pipes(process)
+                messages.send(requests, request)
+                text, numbers = messages.receive(answers, self._limits)
+        except (EOFError, ValueError, BrokenPipeError):
+            how = _ending(process)
+            self._end(process)
+            raise ChildDiedError(how) from None
+        except BaseException:  # too late, or Ctrl-C: half an exchange would spoil the next
+            self._end(process)
+            raise
+        return messages.result(text, numbers, self._limits)
+
+    def close(self) -> None:
+        """End the process, if there is one, and start no other."""
+        with self._lock:
+            self._closed, process = True, self._process
+        if process is not None:
+            self._end(process)
+
+    def _started(self) -> Process:
+        with self._lock, _ctrl_c_held_back():
+            if self._closed:
+                raise ChildDiedError("was closed")
+            if self._process is None:
+                limits = json.dumps(self._limits and asdict(self._limits))
+                self._process = subprocess.Popen(
+                    [sys.executable, "-I", "-B", "-c", START, limits, *sys.path],  # -I: nothing from the cwd
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=None if self._limits is None else subprocess.DEVNULL,
+                    env={**os.environ, **self._environment},
+                )
+            return self._process
+
+    def _end(self, process: Process) -> None:
+        with self._lock:
+            if self._process is process:
+                self._process = None
+        process.kill()
+        process.wait()
+        for pipe in _pipes(process):
+            with contextlib.suppress(OSError):  # what it did not read of a request
+                pipe.close()
+
+
+def _pipes(process: Process) -> tuple[IO[bytes], IO[bytes]]:
+    return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)  # it is started with both
+
+
+@contextlib.contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Start processes that do not notice Ctrl-C: they inherit that it is held back, and we answer it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _time_limit(process: Process, limits: Limits | None) -> Iterator[None]:
+    """Kill a process that takes longer than a call may; then raise TimeoutError, whatever else happens."""
+    if limits is None:
+        yield
+        return
+    late = threading.Event()
+
+    def stop() -> None:
+        late.set()
+        process.kill()
+
+    watchdog = threading.Timer(limits.seconds, stop)
+    watchdog.start()
+    try:
+        yield
+    finally:
+        watchdog.cancel()
+        if late.is_set():  # perhaps just after the answer: the child is gone all the same
+            raise TimeoutError
+
+
+def _ending(process: Process) -> str:
+    """Return how a process ended that has closed its pipes."""
+    try:
+        code = process.wait(timeout=1)
+    except subprocess.TimeoutExpired:
+        return "answers nonsense"
+    try:
+        return f"ends with {signal.Signals(-code).name}"
+    except ValueError:
+        return f"ends with status {code}"
