@@ -11,7 +11,8 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, retargeted
-from skillctl.simulation.arm import ArmBody, ArmModel
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import HandPolicy, Kinematics, Solution

@@ -146,7 +146,7 @@ def _encode_overview(
     report: SimulateManyReport,
     colour_by: Literal["outcome", "part"] | None,
 ) -> bytes:
-    from skillctl.simulation.overview import encode_overview  # late: only pictures need Pillow
+    from skillctl.simulation.picture import encode_overview  # late: only pictures need Pillow
 
     low, high = report.interval
     return encode_overview(

@@ -15,7 +15,7 @@ from PIL import Image
 from skillctl.errors import GoalNotReachedError, UsageError
 from skillctl.model.seds import SedsSkill
 from skillctl.simulation.batch import BATCH_OUTCOMES, Row, run_batch, run_row
-from skillctl.simulation.overview import FAILURE, PARTS, SUCCESS, encode_overview
+from skillctl.simulation.picture import FAILURE, PARTS, SUCCESS, encode_overview
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.tally import encode_rows, failures, medians
