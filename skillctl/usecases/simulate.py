@@ -10,6 +10,7 @@ from typing import Any
 from skillctl.errors import require_directory
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.draws import chosen
 from skillctl.simulation.episode import Episode, Metrics, Outcome
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
@@ -19,7 +20,6 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
-from skillctl.usecases.drawing import chosen
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,8 @@ def simulate(
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store, lock)
-    scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
+    taught = source.artifact.demonstrations
+    scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
     require_directories(log, picture, video)
     log_kind = None if log is None else log_format(log.name)
     kind = None if video is None else _film_format(video)

@@ -13,11 +13,11 @@ from skillctl.model.combined import CombinedSkill
 from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
+from skillctl.simulation.draws import batch_of
 from skillctl.simulation.scenario import Sampling, Scenario
 from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
-from skillctl.usecases.drawing import batch_of
 from skillctl.usecases.simulate import proof_notes, require_directories
 from skillctl.workers import Workers
 
@@ -121,7 +121,7 @@ def simulate_many(
     require_directories(table, overview)
     load_bullet()  # if it is missing, that is said before any process is started
     began = time.perf_counter()
-    batch, starts = batch_of(source, scenario)
+    batch, starts = batch_of(source.skill, source.artifact.demonstrations, scenario)
     said = None if progress is None else partial(_say, progress, began)
     rows = run_batch(source.skill, batch, starts, workers=workers, progress=said)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
