@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -80,6 +81,18 @@ class Kinematics:
         jump = float(np.abs(found - joints).max())
         # Written so that a NaN anywhere is a refusal.
         return Solution(found, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
+
+    def along(self, points: Iterable[FloatArray], joints: FloatArray) -> Iterator[Solution]:
+        """Yield the joints for each of the points (3,), one period apart, for a hand that was at ``joints``.
+
+        A point whose joints are not accepted is the last.
+        """
+        for point in points:
+            solution = self.follow(point, joints)
+            yield solution
+            if not solution.accepted:
+                return
+            joints = solution.joints
 
     def search(self, point: FloatArray, seed: int) -> Solution:
         """Return joints for a hand at ``point`` (3,) without knowing any near by: the reachability oracle.

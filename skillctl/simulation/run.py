@@ -16,7 +16,7 @@ from skillctl.simulation.disturbances import Perception, Schedule, last_end
 from skillctl.simulation.episode import Episode, Phase, RefusedError, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
-from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.position import PositionArm
@@ -193,26 +193,21 @@ class _Run:
     def _displaced(self, offset: FloatArray) -> bool:
         """Take the hand elsewhere, by ``offset`` (3,); return False if it cannot be there."""
         state = self.arm.state()
-        joints = state.joints
-        for share in np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]:
-            solution = self.kinematics.follow(state.hand + share * offset, joints)
-            if not solution.accepted:
-                return False
-            joints = solution.joints
-        self.arm.place(joints)
-        return True
+        shares = np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]
+        way = [state.hand + share * offset for share in shares]
+        standing = Solution(state.joints, 0.0, accepted=True)  # for a hand that is not moved at all
+        *_, last = standing, *self.kinematics.along(way, state.joints)
+        if last.accepted:
+            self.arm.place(last.joints)
+        return last.accepted
 
     def _liftable(self) -> float:
         """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
         state, lift = self.arm.state(), self.scenario.grasp.lift
-        joints, steps = state.joints, math.ceil(lift / LIFTED_STEP)
-        for step in range(1, steps + 1):
-            point = state.hand + np.array([0.0, 0.0, lift * step / steps])
-            solution = self.kinematics.follow(point, joints)
-            if not solution.accepted:
-                return lift * (step - 1) / steps
-            joints = solution.joints
-        return lift
+        steps = math.ceil(lift / LIFTED_STEP)
+        way = [state.hand + np.array([0.0, 0.0, lift * step / steps]) for step in range(1, steps + 1)]
+        reached = sum(solution.accepted for solution in self.kinematics.along(way, state.joints))
+        return lift if reached == steps else lift * reached / steps
 
     def _require_free_start(self) -> None:
         contacts = self.scene.contacts_now()
