@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from skillctl.arrays import FloatArray
-from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.plotting import style
 from skillctl.plotting.flow import draw_flow, grid
@@ -124,7 +123,7 @@ def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int], scale: Sca
 def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
     """Yield starts (n, d) and their colour: of a combined skill, that of the part which they select."""
     skill, starts = portrait.skill, np.array([motion.positions[0] for motion in portrait.motions])
-    if not isinstance(skill, CombinedSkill):
+    if len(skill.acting_parts) == 1:
         yield "white", starts
         return
     selected = skill.part_at(starts)
@@ -134,7 +133,7 @@ def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
 
 def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
     """Draw the ellipses of the position densities, seen in two coordinates."""
-    several = isinstance(portrait.skill, CombinedSkill)
+    several = len(portrait.skill.acting_parts) > 1
     for index, part in enumerate(portrait.skill.acting_parts):
         colour = style.part_colour(index) if several else style.DENSITY
         # Parts made from one skill have ellipses in common; dashes leave the one below in sight.
@@ -183,11 +182,12 @@ def draw_regions(axes: Axes, portrait: Portrait, scale: Scale, *, tint: float = 
 def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield per part a grid and its lead over the other parts there; it acts where that is positive."""
     skill = portrait.skill
-    if not isinstance(skill, CombinedSkill):
+    if len(skill.acting_parts) == 1:
         return
     x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
-    scores = skill.part_scores(places)
-    for index in range(len(skill.parts)):
+    with np.errstate(divide="ignore"):  # a weight may vanish
+        scores = np.log(skill.part_weights_at(places))
+    for index in range(len(skill.acting_parts)):
         others = np.delete(scores, index, axis=1)
         lead = np.clip(scores[:, index] - others.max(axis=1, initial=-np.inf), -1e3, 1e3)
         yield scale.factor * x, scale.factor * y, lead.reshape(len(y), len(x))
@@ -196,12 +196,10 @@ def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, Float
 def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     """Draw levels of V at equal steps of distance; each part's own where it acts."""
     x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
-    skill = portrait.skill
-    acting = skill.part_at(places) if isinstance(skill, CombinedSkill) else np.zeros(len(places), np.int64)
-    shared = all(_same_distance(part, portrait.skill.acting_parts[0]) for part in portrait.skill.acting_parts)
-    for index, part in enumerate(portrait.skill.acting_parts[: 1 if shared else None]):
-        offsets = places - part.attractor
-        distances = np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets))
+    acting, parts = portrait.skill.part_at(places), portrait.skill.acting_parts
+    shared = all(part.form == parts[0].form for part in parts) and len(portrait.goals) == 1
+    for index, part in enumerate(parts[: 1 if shared else None]):
+        distances = part.v_distance(places)
         if not shared:
             distances[acting != index] = np.nan
         if np.isfinite(distances).any():
@@ -217,10 +215,6 @@ def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
                 linestyles=":",
                 zorder=1.2,
             )
-
-
-def _same_distance(one: object, other: object) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("lyapunov", "attractor"))
 
 
 def latest_of(portrait: Portrait) -> float:

@@ -115,10 +115,10 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
             words = f"widest: {fastest} {scale.unit}/s"
         handles[f"field; {words}"] = style.entries("field")["field"]
     for portrait in portraits:
-        if isinstance(portrait.skill, CombinedSkill) and dimension in (2, 3):
-            chosen = "acts: part" if portrait.skill.gate == "instantaneous" else "starts that select part"
+        if len(portrait.skill.acting_parts) > 1 and dimension in (2, 3):
+            chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
             what = chosen if dimension == 2 else "density of part"
-            for index in range(len(portrait.skill.parts)):
+            for index in range(len(portrait.skill.acting_parts)):
                 colour = style.part_colour(index)
                 handles[f"{what} {index + 1}"] = Patch(
                     facecolor=style.to_tint(colour, 0.35), edgecolor=colour

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Literal
 
 from skillctl.errors import UsageError
-from skillctl.model.combined import CombinedSkill
 from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
@@ -215,9 +214,9 @@ def _parts(source: Source, rows: tuple[Row, ...]) -> tuple[PartTally, ...]:
 
 def _part_names(source: Source) -> tuple[str, ...]:
     """Return the names of the parts of a combined skill, none for any other."""
-    if not isinstance(source.skill, CombinedSkill):
+    count, parents = len(source.skill.acting_parts), source.artifact.provenance.parents
+    if count == 1:
         return ()
-    count, parents = len(source.skill.parts), source.artifact.provenance.parents
     if len(parents) != count:  # a combined skill among the parents was taken apart
         return tuple(f"part {number}" for number in range(1, count + 1))
     return tuple(parent.name for parent in parents)
