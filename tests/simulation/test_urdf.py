@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -155,3 +157,25 @@ def test_a_changed_file_is_read_again(write: Write) -> None:
     assert find_arm(str(path)) is find_arm(str(path))
     path.write_text(robot(limit=LIMIT.replace("80", "70")))
     assert (np.asarray(find_arm(str(path)).max_torque) == 70).all()
+
+
+@pytest.mark.parametrize(
+    ("ended", "words"),
+    [
+        (subprocess.TimeoutExpired("probe", 60.0), "takes longer than 60 s to load"),
+        (subprocess.CompletedProcess("probe", 3, b"", b""), r"fail \(status 3\)"),
+        (subprocess.CompletedProcess("probe", -signal.SIGSEGV, b"", b""), r"crash \(SIGSEGV\)"),
+    ],
+)
+def test_a_file_that_ends_its_reader_is_refused(
+    write: Write, monkeypatch: pytest.MonkeyPatch, ended: object, words: str
+) -> None:
+    def run(*_: object, **__: object) -> object:
+        if isinstance(ended, Exception):
+            raise ended
+        return ended
+
+    path = write(robot())
+    monkeypatch.setattr("skillctl.simulation.urdf.subprocess.run", run)
+    with pytest.raises(InputDataError, match=words):
+        find_arm(str(path))
