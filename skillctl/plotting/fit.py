@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,10 +12,10 @@ from matplotlib.figure import Figure
 
 from skillctl.arrays import FloatArray
 from skillctl.model.demonstration import Demonstration
-from skillctl.plotting.panels import Draw, course, draw_paths, frame, latest_of
+from skillctl.plotting import style
+from skillctl.plotting.panels import VIEWS, columns_of, latest_of
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
 from skillctl.plotting.skill import WIDTH, scale_of
-from skillctl.plotting.style import DEMONSTRATED, HELD, MOVED, drawing, entries, legend, named, tidy, told
 
 MOST_PROFILES = 12  # panels of speed; paths are drawn of all
 ACROSS = 4
@@ -36,31 +35,32 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
     dimension = portrait.skill.dimension
     rows = math.ceil(len(shown) / ACROSS)
     portrait = _boxed(portrait, left_out)
-    draws = _path_panels(dimension)
+    draws = columns_of(portrait, paths=True)
     tall = _height_of_paths(portrait, len(draws))
-    with drawing():
+    with style.drawing():
         scale = scale_of([portrait])
         figure = Figure((WIDTH, tall + 1.45 * rows + 1.0), layout="constrained")
         upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(tall, 1.45 * rows + 0.3)).flat
         paths = upper.subplots(math.ceil(len(draws) / 3), min(len(draws), 3), squeeze=False)
-        for axes, draw in zip(paths.flat, draws, strict=False):
+        for panel, (axes, draw) in enumerate(zip(style.first(paths, len(draws)), draws, strict=True)):
             draw(axes, portrait, scale)
-            _draw_left_out(axes, left_out, draws.index(draw), dimension, scale)
-        for axes in list(paths.flat)[len(draws) :]:
-            axes.remove()
+            _draw_left_out(axes, left_out, panel, dimension, scale)
         top = HEADROOM * scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
         profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
-        for index, (axes, demonstration) in enumerate(zip(profiles.flat, shown, strict=False)):
+        profiles = style.first(profiles, len(shown))
+        for index, (axes, demonstration) in enumerate(zip(profiles, shown, strict=True)):
             held = left_out[index] if left_out else None
             _draw_profile(axes, demonstration, portrait.motions[index], held, scale, top)
             axes.set_title(
-                f"{named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
+                f"{style.named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
             )
-        _label_outer(profiles, len(shown), scale, latest_of(portrait), top)
+        _label_outer(profiles, scale, latest_of(portrait), top)
         count = len(portrait.demonstrations)
         some = f", speeds of the first {len(shown)} of {count}" if count > len(shown) else ""
-        figure.suptitle(f"{named(portrait.name)}: demonstrations and motions from their starts{some}")
-        legend(figure, _explained(bool(left_out), dimension))
+        figure.suptitle(f"{style.named(portrait.name)}: demonstrations and motions from their starts{some}")
+        held_out = ["learned without that demonstration"] if left_out else []
+        ends = ["start", "attractor"] if dimension in (2, 3) else []
+        style.legend(figure, style.entries("demonstration", "motion of the skill", *held_out, *ends))
     return figure
 
 
@@ -80,22 +80,6 @@ def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:
     return replace(portrait, low=low, high=high)
 
 
-def _path_panels(dimension: int) -> tuple[Draw, ...]:
-    if dimension == 2:
-        return (_paths(0, 1),)
-    if dimension == 3:
-        return _paths(0, 1), _paths(0, 2), _paths(1, 2)
-    return tuple(course(i) for i in range(dimension))
-
-
-def _paths(i: int, j: int) -> Draw:
-    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-        frame(axes, portrait, (i, j), scale)
-        draw_paths(axes, portrait, (i, j), scale)
-
-    return draw
-
-
 def _height_of_paths(portrait: Portrait, panels: int) -> float:
     """Return the height of the panels of paths, [inch]."""
     span = portrait.high - portrait.low
@@ -105,14 +89,11 @@ def _height_of_paths(portrait: Portrait, panels: int) -> float:
 
 
 def _draw_left_out(axes: Axes, left_out: Sequence[Motion], panel: int, dimension: int, scale: Scale) -> None:
-    pairs = ((0, 1), (0, 2), (1, 2))
     for each in left_out:
-        points = scale.factor * each.positions
         if dimension in (2, 3):
-            i, j = pairs[panel]
-            axes.plot(points[:, i], points[:, j], **HELD)
+            axes.plot(*scale.told(each.positions, VIEWS[panel]), **style.HELD)
         else:
-            axes.plot(each.times, points[:, panel], **HELD)
+            axes.plot(each.times, *scale.told(each.positions, [panel]), **style.HELD)
 
 
 def _draw_profile(
@@ -121,13 +102,13 @@ def _draw_profile(
     """Draw speeds over time; the skill has no clock, so only shape and size are to be compared."""
     speeds = _speeds(demonstration)
     times = demonstration.times[: len(speeds)] - demonstration.times[0]
-    axes.plot(times, scale.factor * speeds, **DEMONSTRATED)
-    drawn = [(motion, MOVED)] if held is None else [(motion, MOVED), (held, HELD)]
+    axes.plot(times, scale.factor * speeds, **style.DEMONSTRATED)
+    drawn = [(motion, style.MOVED)] if held is None else [(motion, style.MOVED), (held, style.HELD)]
     for row, (each, line) in enumerate(drawn):
         axes.plot(each.times, scale.factor * each.speeds, **line)
         peak = scale.factor * float(each.speeds.max())
         if peak > top:
-            told_peak = f"peak {told(peak)} {scale.unit}/s"
+            told_peak = f"peak {style.told(peak)} {scale.unit}/s"
             place = (0.98, 0.97 - 0.15 * row)
             axes.annotate(told_peak, place, xycoords="axes fraction", ha="right", va="top", fontsize=7,
                           color=line["color"])  # fmt: skip
@@ -144,24 +125,13 @@ def _speeds(demonstration: Demonstration) -> FloatArray:
     )
 
 
-def _label_outer(profiles: Any, count: int, scale: Scale, latest: float, top: float) -> None:
-    axes = list(profiles.flat)
-    for unused in axes[count:]:
-        unused.remove()
-    for index in range(count):
-        if index + ACROSS >= count:
-            axes[index].set_xlabel("time [s]")
-            axes[index].tick_params(labelbottom=True)
+def _label_outer(axes: Sequence[Axes], scale: Scale, latest: float, top: float) -> None:
+    for index, each in enumerate(axes):
+        if index + ACROSS >= len(axes):
+            each.set_xlabel("time [s]")
+            each.tick_params(labelbottom=True)
         if index % ACROSS == 0:
-            axes[index].set_ylabel(f"speed [{scale.unit}/s]")
-    tidy(axes[:count])
+            each.set_ylabel(f"speed [{scale.unit}/s]")
+    style.tidy(axes)
     axes[0].set_xlim(0, latest)
     axes[0].set_ylim(0, min(top, axes[0].get_ylim()[1]))
-
-
-def _explained(left_out: bool, dimension: int) -> dict[str, Any]:
-    known = entries()
-    wanted = ["demonstration", "motion of the skill"]
-    wanted += ["learned without that demonstration"] if left_out else []
-    wanted += ["start", "attractor"] if dimension in (2, 3) else []
-    return {name: known[name] for name in wanted}

@@ -9,33 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from skillctl.arrays import FloatArray
-from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
+from skillctl.plotting import style
 from skillctl.plotting.flow import draw_flow, grid
-from skillctl.plotting.portrait import Motion, Portrait, Scale
-from skillctl.plotting.style import (
-    DEMONSTRATED,
-    DENSITY,
-    GOAL,
-    INK,
-    MOVED,
-    PARTS,
-    QUIET,
-    STARTED,
-    named,
-    to_tint,
-)
+from skillctl.plotting.portrait import Portrait, Scale
 
 DEVIATIONS = 2.0  # standard deviations an ellipse reaches
 REGION_GRID = 220  # points a side; borders between regions are drawn as smooth as that
 LEVELS = 6  # contours of V between the attractor and the farthest corner
+
+VIEWS = ((0, 1), (0, 2), (1, 2))  # of space: from above, from the side, from the front
 
 Draw = Callable[[Axes, Portrait, Scale], None]
 
 
 def label(portrait: Portrait, axis: int, scale: Scale) -> str:
     """Return the label of a coordinate, with its unit."""
-    return f"{named(portrait.skill.space.names[axis])} [{scale.unit}]"
+    return f"{style.named(portrait.skill.space.names[axis])} [{scale.unit}]"
 
 
 def draw_plane(axes: Axes, portrait: Portrait, scale: Scale) -> None:
@@ -48,12 +38,13 @@ def draw_plane(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     draw_paths(axes, portrait, (0, 1), scale)
 
 
-def side(i: int, j: int) -> Draw:
-    """Return the function that draws a skill of three dimensions, seen so that i points right and j up."""
+def side(i: int, j: int, *, density: bool = True) -> Draw:
+    """Return the function that draws a skill seen so that i points right and j up."""
 
     def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
         frame(axes, portrait, (i, j), scale)
-        draw_densities(axes, portrait, (i, j), scale)
+        if density:
+            draw_densities(axes, portrait, (i, j), scale)
         draw_paths(axes, portrait, (i, j), scale)
 
     return draw
@@ -65,11 +56,11 @@ def course(i: int) -> Draw:
     def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
         for shown in portrait.demonstrations:
             times = shown.times - shown.times[0]
-            axes.plot(times, scale.factor * shown.positions[:, i], **DEMONSTRATED)
+            axes.plot(times, scale.factor * shown.positions[:, i], **style.DEMONSTRATED)
         for motion in portrait.motions:
-            axes.plot(motion.times, scale.factor * motion.positions[:, i], **MOVED)
+            axes.plot(motion.times, scale.factor * motion.positions[:, i], **style.MOVED)
         for goal in portrait.goals:
-            axes.axhline(scale.factor * goal[i], color=INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
+            axes.axhline(scale.factor * goal[i], color=style.INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
         axes.set(xlabel="time [s]", ylabel=label(portrait, i, scale))
         axes.set_xlim(0, latest_of(portrait))
 
@@ -81,20 +72,26 @@ def draw_line_field(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     x = np.linspace(portrait.low[0], portrait.high[0], 400)
     field = portrait.skill.velocity(x[:, None])[:, 0]
     for shown in portrait.demonstrations:
-        axes.plot(scale.factor * shown.positions[:, 0], scale.factor * shown.velocities[:, 0], **DEMONSTRATED)
-    axes.plot(scale.factor * x, scale.factor * field, **MOVED)
-    axes.axhline(0, color=QUIET, lw=0.7, zorder=1)
-    axes.plot(scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **GOAL)
+        moved = np.hstack([shown.positions, shown.velocities])
+        axes.plot(*scale.told(moved, (0, 1)), **style.DEMONSTRATED)
+    axes.plot(scale.factor * x, scale.factor * field, **style.MOVED)
+    axes.axhline(0, color=style.QUIET, lw=0.7, zorder=1)
+    axes.plot(scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **style.GOAL)
     axes.set(xlabel=label(portrait, 0, scale), ylabel=f"velocity [{scale.unit}/s]")
 
 
-def columns_of(portrait: Portrait) -> tuple[Draw, ...]:
-    """Return the panels that show a skill: one for a plane, three views of space, else coordinates."""
+def columns_of(portrait: Portrait, *, paths: bool = False) -> tuple[Draw, ...]:
+    """Return the panels that show a skill: one for a plane, three views of space, else coordinates.
+
+    Args:
+        portrait: The skill.
+        paths: Show only paths, neither field nor density.
+    """
     dimension = portrait.skill.dimension
     if dimension == 2:
-        return (draw_plane,)
+        return (side(0, 1, density=False) if paths else draw_plane,)
     if dimension == 3:
-        return (side(0, 1), side(0, 2), side(1, 2))
+        return tuple(side(i, j, density=not paths) for i, j in VIEWS)
     return tuple(course(i) for i in range(dimension))
 
 
@@ -108,38 +105,37 @@ def frame(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -
     axes.set_ylim(low[j], high[j])
 
 
-def draw_paths(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
-    """Draw demonstrations, motions, starts and attractors in two coordinates."""
+def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int], scale: Scale) -> None:
+    """Draw demonstrations, motions, starts and attractors in the coordinates picked: two, or three in 3-D."""
+
+    def draw(positions: FloatArray, line: style.Line) -> None:
+        axes.plot(*scale.told(positions, picked), **line)
+
     for shown in portrait.demonstrations:
-        axes.plot(*_pair(shown.positions, pair, scale), **DEMONSTRATED)
-    draw_motions(axes, portrait.motions, pair, scale)
+        draw(shown.positions, style.DEMONSTRATED)
+    for motion in portrait.motions:
+        draw(motion.positions, style.MOVED)
     for colour, starts in starts_of(portrait):
-        axes.plot(*_pair(starts, pair, scale), **{**STARTED, "mfc": colour})
-    axes.plot(*_pair(portrait.goals, pair, scale), **GOAL)
+        draw(starts, {**style.STARTED, "mfc": colour})
+    draw(portrait.goals, style.GOAL)
 
 
 def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
     """Yield starts (n, d) and their colour: of a combined skill, that of the part which they select."""
     skill, starts = portrait.skill, np.array([motion.positions[0] for motion in portrait.motions])
-    if not isinstance(skill, CombinedSkill):
+    if len(skill.acting_parts) == 1:
         yield "white", starts
         return
     selected = skill.part_at(starts)
     for index in np.unique(selected).tolist():
-        yield PARTS[index % len(PARTS)], starts[selected == index]
-
-
-def draw_motions(axes: Axes, motions: Sequence[Motion], pair: tuple[int, int], scale: Scale) -> None:
-    """Draw motions in two coordinates."""
-    for motion in motions:
-        axes.plot(*_pair(motion.positions, pair, scale), **MOVED)
+        yield style.part_colour(index), starts[selected == index]
 
 
 def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
     """Draw the ellipses of the position densities, seen in two coordinates."""
-    several = isinstance(portrait.skill, CombinedSkill)
+    several = len(portrait.skill.acting_parts) > 1
     for index, part in enumerate(portrait.skill.acting_parts):
-        colour = PARTS[index % len(PARTS)] if several else DENSITY
+        colour = style.part_colour(index) if several else style.DENSITY
         # Parts made from one skill have ellipses in common; dashes leave the one below in sight.
         dash = (0, (3, 3)) if index else "-"
         for centre, width, height, angle in ellipses(part.density, pair):
@@ -149,7 +145,7 @@ def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale:
                     scale.factor * width,
                     scale.factor * height,
                     angle=angle,
-                    facecolor=to_tint(colour, 0.08 if several else 0.13),
+                    facecolor=style.to_tint(colour, 0.08 if several else 0.13),
                     edgecolor=colour,
                     lw=1.1 if several else 0.8,
                     ls=dash,
@@ -177,20 +173,21 @@ def draw_regions(axes: Axes, portrait: Portrait, scale: Scale, *, tint: float = 
     """Draw the borders between the regions of a combined 2-D skill, and tint those unless ``tint`` is 0."""
     for index, (x, y, lead) in enumerate(_leads(portrait, scale)):
         if tint > 0:
-            colour = to_tint(PARTS[index % len(PARTS)], tint)
+            colour = style.to_tint(style.part_colour(index), tint)
             axes.contourf(x, y, lead, levels=[0, 1e6], colors=[colour], zorder=0.2)
         if lead.min() < 0 < lead.max():
-            axes.contour(x, y, lead, levels=[0], colors=[INK], linewidths=0.6, zorder=1.5)
+            axes.contour(x, y, lead, levels=[0], colors=[style.INK], linewidths=0.6, zorder=1.5)
 
 
 def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield per part a grid and its lead over the other parts there; it acts where that is positive."""
     skill = portrait.skill
-    if not isinstance(skill, CombinedSkill):
+    if len(skill.acting_parts) == 1:
         return
     x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
-    scores = skill.part_scores(places)
-    for index in range(len(skill.parts)):
+    with np.errstate(divide="ignore"):  # a weight may vanish
+        scores = np.log(skill.part_weights_at(places))
+    for index in range(len(skill.acting_parts)):
         others = np.delete(scores, index, axis=1)
         lead = np.clip(scores[:, index] - others.max(axis=1, initial=-np.inf), -1e3, 1e3)
         yield scale.factor * x, scale.factor * y, lead.reshape(len(y), len(x))
@@ -199,12 +196,10 @@ def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, Float
 def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     """Draw levels of V at equal steps of distance; each part's own where it acts."""
     x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
-    skill = portrait.skill
-    acting = skill.part_at(places) if isinstance(skill, CombinedSkill) else np.zeros(len(places), np.int64)
-    shared = all(_same_distance(part, portrait.skill.acting_parts[0]) for part in portrait.skill.acting_parts)
-    for index, part in enumerate(portrait.skill.acting_parts[: 1 if shared else None]):
-        offsets = places - part.attractor
-        distances = np.sqrt(np.einsum("ni,ij,nj->n", offsets, part.lyapunov, offsets))
+    acting, parts = portrait.skill.part_at(places), portrait.skill.acting_parts
+    shared = all(part.form == parts[0].form for part in parts) and len(portrait.goals) == 1
+    for index, part in enumerate(parts[: 1 if shared else None]):
+        distances = part.v_distance(places)
         if not shared:
             distances[acting != index] = np.nan
         if np.isfinite(distances).any():
@@ -215,19 +210,11 @@ def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
                 scale.factor * y,
                 field,
                 levels=levels,
-                colors=[QUIET],
+                colors=[style.QUIET],
                 linewidths=0.8,
                 linestyles=":",
                 zorder=1.2,
             )
-
-
-def _same_distance(one: object, other: object) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("lyapunov", "attractor"))
-
-
-def _pair(positions: FloatArray, pair: tuple[int, int], scale: Scale) -> tuple[FloatArray, FloatArray]:
-    return scale.factor * positions[:, pair[0]], scale.factor * positions[:, pair[1]]
 
 
 def latest_of(portrait: Portrait) -> float:

@@ -51,6 +51,10 @@ class Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
 
+    def told(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
+        """Return the picked coordinates of positions (…, d), as they are told. Shape (number picked, …)."""
+        return np.asarray(self.factor * positions[..., picked].T)
+
 
 @dataclass(frozen=True, eq=False)
 class Portrait:

@@ -16,29 +16,12 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
 from skillctl.arrays import FloatArray
+from skillctl.plotting import style
 from skillctl.plotting.decay import Bounds, decay, distances
 from skillctl.plotting.flow import grid
 from skillctl.plotting.panels import draw_regions, frame
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around, motions_from
 from skillctl.plotting.skill import WIDTH, scale_of
-from skillctl.plotting.style import (
-    FAINT,
-    GOAL,
-    GROWING,
-    INK,
-    LOST,
-    LOWEST,
-    MOVED,
-    PROVED,
-    WITNESS,
-    Line,
-    drawing,
-    entries,
-    legend,
-    logarithmic,
-    named,
-    tidy,
-)
 
 FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middle is one
 # Of the rates: the same for every kind of eye; without the darkest fifth, so that black lines can be seen.
@@ -56,7 +39,7 @@ def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
     and for every dimension how √V shrinks along motions, beside what is proved.
     """
     heights = [_height(portrait) for portrait, _ in proofs]
-    with drawing():
+    with style.drawing():
         figure = Figure((WIDTH + 1.6, sum(heights) + 0.7), layout="constrained")
         rows = figure.subfigures(len(proofs), 1, squeeze=False, height_ratios=heights).flat
         for row, (portrait, bounds) in zip(rows, proofs, strict=True):
@@ -71,8 +54,8 @@ def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
             else:
                 courses = row.subplots()
             _draw_courses(courses, portrait, bounds, lost)
-            row.suptitle(f"{named(portrait.name)}: {bounds.verdict}")
-        legend(figure, _explained(proofs), columns=3)
+            row.suptitle(f"{style.named(portrait.name)}: {bounds.verdict}")
+        style.legend(figure, _explained(proofs), columns=3)
     return figure
 
 
@@ -94,12 +77,12 @@ def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | Non
     rates = decay(portrait.skill, places)
     image = _draw_rates(axes, rates.reshape(len(y), len(x)), portrait, (0, 1), scale, _limits(rates))
     bar = axes.figure.colorbar(image, ax=axes, label=RATE, extend=_extend(rates), shrink=0.8)
-    logarithmic(bar.ax.yaxis)
+    style.logarithmic(bar.ax.yaxis)
     draw_regions(axes, portrait, scale, tint=0)
     _draw_marks(axes, portrait, bounds, lost, (0, 1), scale)
     if np.isfinite(rates).any():
         lowest = int(np.nanargmin(rates))
-        axes.plot(*(scale.factor * places[lowest]), **LOWEST)
+        axes.plot(*scale.told(places[lowest], (0, 1)), **style.LOWEST)
         axes.set_title(f"lowest here: {rates[lowest]:.3g} 1/s")
 
 
@@ -120,15 +103,15 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
         _draw_marks(each, portrait, bounds, lost, pair, scale)
         (rest,) = {0, 1, 2} - {i, j}
         where = f"{scale.factor * through[rest]:.3g} {scale.unit}"
-        each.set_title(f"{named(portrait.skill.space.names[rest])} = {where}")
+        each.set_title(f"{style.named(portrait.skill.space.names[rest])} = {where}")
         if np.isfinite(rates).any():
             lowest = int(np.nanargmin(rates))
-            each.plot(*(scale.factor * space[lowest][[i, j]]), **LOWEST)
+            each.plot(*scale.told(space[lowest], pair), **style.LOWEST)
     told = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
     bar = axes[0].figure.colorbar(
         image, ax=list(axes), label=told, extend=_extend(rates), location="left", shrink=0.7
     )
-    logarithmic(bar.ax.yaxis)
+    style.logarithmic(bar.ax.yaxis)
 
 
 def _extend(rates: FloatArray) -> str:
@@ -156,7 +139,7 @@ def _draw_rates(
     """Draw rates on a grid (y, x); what is not positive in a colour of its own, with a line around it."""
     i, j = pair
     low, high = scale.factor * portrait.low, scale.factor * portrait.high
-    colours = COLOURS.with_extremes(under=GROWING, bad="white")
+    colours = COLOURS.with_extremes(under=style.GROWING, bad="white")
     extent = (low[i], high[i], low[j], high[j])
     frame(axes, portrait, pair, scale)
     image = axes.imshow(
@@ -169,7 +152,7 @@ def _draw_rates(
         zorder=0.1,
     )
     if np.nanmin(rates) < 0 < np.nanmax(rates):
-        axes.contour(np.nan_to_num(rates), levels=[0], extent=extent, colors=[INK], linewidths=1.0)
+        axes.contour(np.nan_to_num(rates), levels=[0], extent=extent, colors=[style.INK], linewidths=1.0)
     return image
 
 
@@ -177,42 +160,41 @@ def _draw_marks(
     axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None, pair: tuple[int, int], scale: Scale
 ) -> None:
     """Draw demonstrations faintly, attractors, certified radii and the witness."""
-    i, j = pair
     for motion in portrait.motions:
-        axes.plot(scale.factor * motion.positions[:, i], scale.factor * motion.positions[:, j], **FAINT)
-    axes.plot(scale.factor * portrait.goals[:, i], scale.factor * portrait.goals[:, j], **GOAL)
+        axes.plot(*scale.told(motion.positions, pair), **style.FAINT)
+    axes.plot(*scale.told(portrait.goals, pair), **style.GOAL)
     for part, radius in zip(portrait.skill.acting_parts, bounds.radii, strict=True):
         if radius is not None:
-            centre = scale.factor * part.attractor[[i, j]]
-            axes.add_patch(
-                Circle(tuple(centre.tolist()), scale.factor * radius, fc="none", ec="white", lw=1.4, zorder=6)
-            )
+            x, y = scale.told(part.attractor, pair)
+            size = scale.factor * radius
+            axes.add_patch(Circle((x, y), size, fc="none", ec="white", lw=1.4, zorder=6))
     if lost is not None:
-        axes.plot(scale.factor * lost.positions[:, i], scale.factor * lost.positions[:, j], **LOST)
-        axes.plot(*(scale.factor * lost.positions[0, [i, j]]), "o", mfc="white", mec=WITNESS, ms=5, zorder=8)
+        axes.plot(*scale.told(lost.positions, pair), **style.LOST)
+        start = scale.told(lost.positions[0], pair)
+        axes.plot(*start, "o", mfc="white", mec=style.WITNESS, ms=5, zorder=8)
 
 
 def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
     """Draw how √V shrinks along motions, on a logarithmic scale, where the proved rate is a straight line."""
     latest = max(float(motion.times[-1]) for motion in portrait.motions)
     for motion in portrait.motions:
-        _draw_shares(axes, portrait, motion, {**MOVED, "lw": 0.8, "zorder": 3.0})
+        _draw_shares(axes, portrait, motion, {**style.MOVED, "lw": 0.8, "zorder": 3.0})
     if lost is not None:
-        _draw_shares(axes, portrait, lost, LOST)
+        _draw_shares(axes, portrait, lost, style.LOST)
         latest = max(latest, float(lost.times[-1]))
     if bounds.rate is not None:
         times = np.linspace(0, latest, 50)
-        axes.plot(times, np.exp(-bounds.rate * times), **PROVED)
+        axes.plot(times, np.exp(-bounds.rate * times), **style.PROVED)
     axes.set(xlabel="time [s]", ylabel="√V, as a share of that at the start", yscale="log")
     axes.set_xlim(0, latest)
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, SMALLEST_SHARE), min(max(high, 1.5), LARGEST_SHARE))
-    logarithmic(axes.yaxis)
+    style.logarithmic(axes.yaxis)
     axes.grid(True, color="#DDDDDD", lw=0.5)
-    tidy([axes])
+    style.tidy([axes])
 
 
-def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, line: Line) -> None:
+def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, line: style.Line) -> None:
     shrinking = distances(portrait.skill, motion)
     if shrinking[0] > 0:
         axes.plot(motion.times, np.maximum(shrinking / shrinking[0], 1e-12), **line)
@@ -228,7 +210,6 @@ def _height(portrait: Portrait) -> float:
 
 def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
     """Return the entries of the legend: what these figures show, and nothing else."""
-    known = entries()
     wanted = ["motion of the skill"]
     if any(bounds.rate is not None for _, bounds in proofs):
         wanted.append("proved: no motion is slower")
@@ -236,7 +217,6 @@ def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
         wanted.append("witness: reaches no attractor")
     if any(portrait.skill.dimension in (2, 3) for portrait, _ in proofs):
         wanted += ["attractor", "lowest decay rate"]
-    handles: dict[str, Any] = {name: known[name] for name in wanted}
     if any(radius is not None for _, bounds in proofs for radius in bounds.radii):
-        handles["proved radius"] = known["proved radius"]
-    return handles
+        wanted.append("proved radius")
+    return style.entries(*wanted)

@@ -7,35 +7,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
 from skillctl.arrays import FloatArray
-from skillctl.model.combined import CombinedSkill
+from skillctl.plotting import style
 from skillctl.plotting.flow import widest_speed
-from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_plane, label, starts_of
+from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_paths, draw_plane, label
 from skillctl.plotting.portrait import Portrait, Scale, joint_box
-from skillctl.plotting.style import (
-    DEMONSTRATED,
-    GOAL,
-    INK,
-    MOVED,
-    PARTS,
-    STARTED,
-    drawing,
-    entries,
-    legend,
-    named,
-    tidy,
-    to_tint,
-    told,
-)
 
 WIDTH = 7.4  # [inch], of figures; a README shows them a little smaller
 PANEL = 2.7  # [inch], width of one skill among several
-VIEWS = ("seen from above", "seen from the side", "seen from the front")
+TITLES = ("seen from above", "seen from the side", "seen from the front")
 MOST_IN_A_ROW = 4
 
 
@@ -49,7 +35,7 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
         portrait: The skill.
         about: What kind of skill it is, for the title.
     """
-    with drawing():
+    with style.drawing():
         scale = scale_of([portrait])
         dimension = portrait.skill.dimension
         if dimension == 2:
@@ -58,8 +44,8 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
             figure = _space(portrait, scale)
         else:
             figure = _courses(portrait, scale)
-        figure.suptitle(f"{named(portrait.name)}  ({about})")
-        legend(figure, explained([portrait], scale))
+        figure.suptitle(f"{style.named(portrait.name)}  ({about})")
+        style.legend(figure, explained([portrait], scale))
     return figure
 
 
@@ -76,22 +62,20 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
     draws = columns_of(boxed[0])
     across = len(members) if len(draws) > 1 else min(len(members), MOST_IN_A_ROW)
     heights = _heights(high - low, len(draws), math.ceil(len(members) / across))
-    with drawing():
+    with style.drawing():
         scale = scale_of(boxed)
         size = max(PANEL * across, 4.5), sum(heights) + 1.1
         figure = Figure(size, layout="compressed")
         grid = figure.subplots(len(heights), across, squeeze=False, height_ratios=heights)
-        for index, (portrait, (_, role)) in enumerate(zip(boxed, members, strict=True)):
-            column = grid[:, index] if len(draws) > 1 else [grid.flat[index]]
+        # Several panels stand in a column under each other; single ones in rows.
+        panels = np.array(style.first(grid.T if len(draws) > 1 else grid, len(members) * len(draws)))
+        for column, portrait, (_, role) in zip(panels.reshape(len(members), -1), boxed, members, strict=True):
             for axes, draw in zip(column, draws, strict=True):
                 draw(axes, portrait, scale)
-            column[0].set_title(f"{named(portrait.name, 26)}\n{role}")
-            if index == len(members) - 1:
-                for axes in column:
-                    axes.spines[:].set(linewidth=1.6, edgecolor=INK)
-        for axes in list(grid.flat)[len(members) * len(draws) :]:
-            axes.remove()
-        legend(figure, explained(boxed, scale), columns=max(2, min(across, 4)))
+            column[0].set_title(f"{style.named(portrait.name, 26)}\n{role}")
+        for axes in panels[-len(draws) :]:
+            axes.spines[:].set(linewidth=1.6, edgecolor=style.INK)
+        style.legend(figure, explained(boxed, scale), columns=max(2, min(across, 4)))
     return figure
 
 
@@ -114,7 +98,7 @@ def scale_of(portraits: Sequence[Portrait]) -> Scale:
 
 def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
     """Return the entries of the legend: what these portraits show, and nothing else."""
-    known, dimension = entries(), portraits[0].skill.dimension
+    dimension = portraits[0].skill.dimension
     wanted = ["motion of the skill"]
     if any(portrait.demonstrations for portrait in portraits):
         wanted.insert(0, "demonstration")
@@ -122,20 +106,23 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
         wanted += ["start", "attractor", "position density, 2σ"]
     if dimension == 2:
         wanted.append("level of V")
-    handles = {name: known[name] for name in wanted}
+    handles = style.entries(*wanted)
     if dimension == 2:
-        handles["field; the wider, the faster"] = known["field"]
-    if dimension == 2 and len(portraits) == 1:
-        (only,) = portraits
-        fastest = told(scale.factor * widest_speed(only.skill, only.low, only.high))
-        handles[f"field; widest: {fastest} {scale.unit}/s"] = handles.pop("field; the wider, the faster")
+        words = "the wider, the faster"
+        if len(portraits) == 1:
+            (only,) = portraits
+            fastest = style.told(scale.factor * widest_speed(only.skill, only.low, only.high))
+            words = f"widest: {fastest} {scale.unit}/s"
+        handles[f"field; {words}"] = style.entries("field")["field"]
     for portrait in portraits:
-        if isinstance(portrait.skill, CombinedSkill) and dimension in (2, 3):
-            chosen = "acts: part" if portrait.skill.gate == "instantaneous" else "starts that select part"
+        if len(portrait.skill.acting_parts) > 1 and dimension in (2, 3):
+            chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
             what = chosen if dimension == 2 else "density of part"
-            for index in range(len(portrait.skill.parts)):
-                colour = PARTS[index % len(PARTS)]
-                handles[f"{what} {index + 1}"] = Patch(facecolor=to_tint(colour, 0.35), edgecolor=colour)
+            for index in range(len(portrait.skill.acting_parts)):
+                colour = style.part_colour(index)
+                handles[f"{what} {index + 1}"] = Patch(
+                    facecolor=style.to_tint(colour, 0.35), edgecolor=colour
+                )
             if len(portraits) == 1:
                 handles.pop("position density, 2σ")
     return handles
@@ -157,7 +144,7 @@ def _space(portrait: Portrait, scale: Scale) -> Figure:
     figure = Figure((WIDTH, scene * (y + z) / (x + y) + 2.3), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(x, y), height_ratios=(y, z))
     places = ((0, 0), (1, 0), (1, 1))
-    for (row, column), draw, title in zip(places, columns_of(portrait), VIEWS, strict=True):
+    for (row, column), draw, title in zip(places, columns_of(portrait), TITLES, strict=True):
         axes = figure.add_subplot(grid[row, column])
         draw(axes, portrait, scale)
         if portrait.skill.space.unit == "m":  # joint angles have no above
@@ -167,13 +154,7 @@ def _space(portrait: Portrait, scale: Scale) -> Figure:
 
 
 def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
-    for shown in portrait.demonstrations:
-        axes.plot(*(scale.factor * shown.positions.T), **DEMONSTRATED)
-    for motion in portrait.motions:
-        axes.plot(*(scale.factor * motion.positions.T), **MOVED)
-    for colour, starts in starts_of(portrait):
-        axes.plot(*(scale.factor * starts.T), **{**STARTED, "mfc": colour})
-    axes.plot(*(scale.factor * portrait.goals.T), **GOAL)
+    draw_paths(axes, portrait, (0, 1, 2), scale)
     low, high = scale.factor * portrait.low, scale.factor * portrait.high
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.05)
@@ -196,10 +177,8 @@ def _courses(portrait: Portrait, scale: Scale) -> Figure:
     draws = [draw_line_field, course(0)] if dimension == 1 else [course(i) for i in range(dimension)]
     rows = math.ceil(len(draws) / 2)
     figure = Figure((WIDTH, 1.9 * rows + 1.2), layout="constrained")
-    grid = figure.subplots(rows, 2, squeeze=False)
-    for axes, draw in zip(grid.flat, draws, strict=False):
-        draw(axes, portrait, scale)
-    for axes in list(grid.flat)[len(draws) :]:
-        axes.remove()
-    tidy(list(grid.flat)[: len(draws)])
+    axes = style.first(figure.subplots(rows, 2, squeeze=False), len(draws))
+    for each, draw in zip(axes, draws, strict=True):
+        draw(each, portrait, scale)
+    style.tidy(axes)
     return figure

@@ -108,9 +108,9 @@ def named(text: str, longest: int = 34) -> str:
     return name if len(name) <= longest else f"…{name[1 - longest :]}"
 
 
-def entries() -> dict[str, Any]:
-    """Return what the legends of all figures explain: a sample of each line, by its words."""
-    return {
+def entries(*wanted: str) -> dict[str, Any]:
+    """Return the wanted entries of a legend: a sample of each line, by its words."""
+    known = {
         "demonstration": Line2D([], [], **DEMONSTRATED),
         "motion of the skill": Line2D([], [], **MOVED),
         "start": Line2D([], [], **STARTED),
@@ -124,6 +124,12 @@ def entries() -> dict[str, Any]:
         "field": Line2D([], [], color=FLOW, lw=1.6),
         "level of V": Line2D([], [], color=QUIET, lw=0.8, ls=":"),
     }
+    return {name: known[name] for name in wanted}
+
+
+def part_colour(index: int) -> str:
+    """Return the colour of a part of a combined skill."""
+    return PARTS[index % len(PARTS)]
 
 
 def to_tint(colour: str, alpha: float) -> tuple[float, float, float, float]:
@@ -146,6 +152,14 @@ def logarithmic(axis: Any) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def first(grid: Any, count: int) -> list[Axes]:
+    """Return the first axes of a grid, and take away the others."""
+    axes = list(grid.flat)
+    for unused in axes[count:]:
+        unused.remove()
+    return axes[:count]
 
 
 def tidy(axes: Sequence[Axes]) -> None:

@@ -1,153 +1,37 @@
-"""The arms: what a data sheet says about each, and one body in a Bullet world of its own."""
+"""One arm in a Bullet world of its own, and the one interface through which an episode moves it."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from pathlib import Path
-from types import TracebackType
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
-from skillctl.simulation.bullet import load_bullet
+from skillctl.arrays import BoolArray, FloatArray
+from skillctl.simulation.arms import ArmModel
+from skillctl.simulation.bullet import World
 
 CONTROL_PERIOD = 1 / 240  # [s], also Bullet's step
-POSITION_GAIN, VELOCITY_GAIN = 0.1, 1.0  # of Bullet's position motors; 0.03 to 0.6 track alike
 LIMIT_MARGIN = 0.005  # [rad]: commands keep clear of the limits by more than the motors' lag
 STOP_MARGIN = 1e-6  # [rad]: a stopped joint is within its limit, whatever is rounded
 FINGER_FORCE = 20.0  # [N]
+COMMANDED_SHARE = 0.95  # of the real arm's joint velocity: motors and torques overshoot a little
 
 Shapes: TypeAlias = Literal["all", "collision", "none"]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ArmModel:
-    """A data sheet. All arrays have one entry per arm joint; fingers are not arm joints.
-
-    A sliding joint counts in [m], [m/s] and [N] where a turning one counts in [rad], [rad/s] and [Nm].
-
-    Attributes:
-        name: As on the command line.
-        urdf: File of the ``pybullet_data`` package, or an absolute path.
-        indices: Bullet's numbers of the arm's joints, from the base to the hand.
-        tip: Link whose frame is "the hand": its z axis is the approach direction.
-        lower, upper: Joint limits of the real arm, [rad] (the URDF's are wider).
-        max_velocity, max_torque: Of the real arm, [rad/s] and [Nm].
-        home: Ready posture for a hand pitched down by zero; the pitch is subtracted at ``pitch_joint``.
-        pitch_joint: Joint that pitches the hand in the ready posture, with its sign; None if that is unknown.
-        finger_axis: Sign of the hand's y axis against the horizontal in the natural branch (see ``ik``).
-        fingers: Finger joints and how far they are held open, [m].
-        reach_centre: Middle of the comfortable workspace in front of the arm, [m].
-        yaw_share: How far the hand turns towards the azimuth of its place: 0 straight ahead, 1 radially.
-        held: Joints that neither carry the hand nor are fingers of a known gripper, and where they are held.
-    """
-
-    name: str
-    urdf: str
-    indices: tuple[int, ...]
-    tip: int
-    lower: FloatArray
-    upper: FloatArray
-    max_velocity: FloatArray
-    max_torque: FloatArray
-    home: FloatArray
-    pitch_joint: tuple[int, float] | None
-    finger_axis: int
-    fingers: tuple[tuple[int, float], ...]
-    reach_centre: tuple[float, float, float]
-    yaw_share: float
-    held: tuple[tuple[int, float], ...] = ()
-
-    @property
-    def n_joints(self) -> int:
-        """Number of arm joints."""
-        return len(self.home)
-
-    @property
-    def path(self) -> Path:
-        """Where the URDF file lies."""
-        import pybullet_data
-
-        return Path(pybullet_data.getDataPath()) / self.urdf
-
-    @property
-    def others(self) -> tuple[tuple[int, float], ...]:
-        """All joints that are not the arm's, and where they are held."""
-        return self.fingers + self.held
-
-    @property
-    def columns(self) -> list[int]:
-        """Places of the arm's joints among all movable joints, the order in which Bullet lists those."""
-        movable = sorted([*self.indices, *(joint for joint, _ in self.others)])
-        return [movable.index(joint) for joint in self.indices]
-
-    def home_joints(self, pitch: float) -> FloatArray:
-        """Return the ready posture whose hand is pitched ``pitch`` [rad] below the horizontal."""
-        joints = self.home.copy()
-        if self.pitch_joint is not None:
-            joint, sign = self.pitch_joint
-            joints[joint] += sign * pitch
-        return joints
-
-
-PANDA = ArmModel(
-    name="panda",
-    urdf="franka_panda/panda.urdf",
-    indices=tuple(range(7)),
-    tip=11,
-    lower=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
-    upper=np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]),
-    max_velocity=np.array([2.175] * 4 + [2.61] * 3),
-    max_torque=np.array([87.0] * 4 + [12.0] * 3),
-    home=np.array([0.0, -0.785, 0.0, -2.356, 0.0, math.pi, 0.785]),
-    pitch_joint=(5, -1.0),
-    finger_axis=-1,
-    fingers=((9, 0.04), (10, 0.04)),
-    reach_centre=(0.50, 0.0, 0.60),
-    yaw_share=0.5,  # at a shelf: with 0 the elbow, with 1 the forearm comes near the boards or a wall
-)
-# The model in pybullet_data has the link lengths of the LBR iiwa 14 R820 (0.36, 0.42, 0.40 m).
-IIWA = ArmModel(
-    name="iiwa",
-    urdf="kuka_iiwa/model.urdf",
-    indices=tuple(range(7)),
-    tip=6,
-    lower=-np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
-    upper=np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
-    max_velocity=np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0]),
-    max_torque=np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
-    home=np.array([0.0, 0.2, 0.0, -2.0, 0.0, math.pi / 2 - 2.2, 0.0]),  # the wrist is bent: not singular
-    pitch_joint=(5, 1.0),
-    finger_axis=1,
-    fingers=(),
-    reach_centre=(0.60, 0.0, 0.60),
-    yaw_share=0.5,
-)
-XARM6 = ArmModel(
-    name="xarm6",
-    urdf="xarm/xarm6_robot.urdf",
-    indices=tuple(range(1, 7)),
-    tip=6,
-    lower=np.radians([-360.0, -118.0, -225.0, -360.0, -97.0, -360.0]),
-    upper=np.radians([360.0, 120.0, 11.0, 360.0, 180.0, 360.0]),
-    max_velocity=np.radians([180.0] * 6),
-    max_torque=np.array([50.0, 50.0, 32.0, 32.0, 32.0, 20.0]),
-    home=np.array([0.0, -0.35, -1.05, 0.0, 1.4 - math.pi / 2, 0.0]),
-    pitch_joint=(4, 1.0),
-    finger_axis=-1,
-    fingers=(),
-    reach_centre=(0.45, 0.0, 0.45),
-    yaw_share=1.0,  # with six joints anything less turns the wrist through its singularity
-)
-ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}
+Body = TypeVar("Body", bound="ArmBody")
+Quaternion: TypeAlias = tuple[float, float, float, float]  # q_xyzw
 
 
 class ArmBody:
     """One arm, fixed at the world's origin, alone in a Bullet world of its own.
 
     Usable as a context manager; the world ends with it.
+
+    Attributes:
+        bullet: The world.
+        body: Bullet's number of the arm.
     """
 
     def __init__(
@@ -163,51 +47,44 @@ class ArmBody:
             gui: Show the world in a window (see ``gui``).
         """
         self.model = model
-        self.bullet = bullet = load_bullet()
-        self.client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
+        self.bullet = bullet = World(gui=gui)
         flags = {
             "all": bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES,
             "collision": bullet.URDF_IGNORE_VISUAL_SHAPES,
             "none": bullet.URDF_IGNORE_VISUAL_SHAPES | bullet.URDF_IGNORE_COLLISION_SHAPES,
         }
-        self.body = bullet.loadURDF(
-            str(model.path),
-            baseOrientation=(0.0, 0.0, math.sin(base_yaw / 2), math.cos(base_yaw / 2)),
-            useFixedBase=True,
-            flags=flags[shapes],
-            physicsClientId=self.client,
+        turn = (0.0, 0.0, math.sin(base_yaw / 2), math.cos(base_yaw / 2))
+        self.body: int = bullet.loadURDF(
+            str(model.path), baseOrientation=turn, useFixedBase=True, flags=flags[shapes]
         )
-        self._indices = list(model.indices)
+        self.indices = list(model.indices)
         for joint, place in model.others:
-            bullet.resetJointState(self.body, joint, place, physicsClientId=self.client)
+            bullet.resetJointState(self.body, joint, place)
 
-    def __enter__(self) -> ArmBody:
+    def __enter__(self: Body) -> Body:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.bullet.disconnect(self.client)
+    def __exit__(self, *_: object) -> None:
+        self.bullet.disconnect()
 
     def pose(self, joints: FloatArray) -> None:
         """Put the arm's joints (n,) at these angles [rad], at rest."""
-        self.bullet.resetJointStatesMultiDof(
-            self.body, self._indices, [[angle] for angle in joints.tolist()], physicsClientId=self.client
-        )
+        self.bullet.resetJointStatesMultiDof(self.body, self.indices, [[angle] for angle in joints.tolist()])
 
-    def hand(self) -> tuple[FloatArray, tuple[float, float, float, float]]:
+    def hand(self) -> tuple[FloatArray, Quaternion]:
         """Return the hand's position (3,) [m] and orientation q_xyzw, both in the world."""
-        state = self.bullet.getLinkState(
-            self.body, self.model.tip, computeForwardKinematics=1, physicsClientId=self.client
-        )
+        state = self.bullet.getLinkState(self.body, self.model.tip, computeForwardKinematics=1)
         return np.array(state[4]), state[5]
+
+    def link_names(self) -> list[str]:
+        """Return the names of all links but the base, in Bullet's order."""
+        count = self.bullet.getNumJoints(self.body)
+        return [self.bullet.getJointInfo(self.body, joint)[12].decode() for joint in range(count)]
 
     def links(self) -> FloatArray:
         """Return the positions of all link frames, shape (m, 3), [m]."""
-        count = self.bullet.getNumJoints(self.body, physicsClientId=self.client)
-        states = self.bullet.getLinkStates(
-            self.body, list(range(count)), computeForwardKinematics=1, physicsClientId=self.client
-        )
+        count = self.bullet.getNumJoints(self.body)
+        states = self.bullet.getLinkStates(self.body, list(range(count)), computeForwardKinematics=1)
         return np.array([state[4] for state in states])
 
 
@@ -221,42 +98,69 @@ class ArmState:
     torques: FloatArray
 
 
-class LiveArm:
-    """An arm under gravity, in time, within the limits of the real one. What drives it is its subclasses'.
+class Tracking(NamedTuple):
+    """How well the arm can do what it was told.
+
+    Attributes:
+        reference: Where the hand should be by now, shape (3,), [m].
+        residual: How far inverse kinematics missed the reference at the last step, [m].
+        refusals: Steps in a row, up to the last, for which there were no joints.
+        at_limit: Joint, from 0, that was at its limit when that last happened; None if none was.
+    """
+
+    reference: FloatArray
+    residual: float = 0.0
+    refusals: int = 0
+    at_limit: int | None = None
+
+
+class LiveArm(ABC):
+    """An arm under gravity, in time, within the limits of the real one, told once a period how to move.
 
     Bullet knows nothing of a joint's velocity limit and lets a hard push carry it past a position limit. So
     after each step a joint that is too fast is held to its largest velocity, and one beyond its limit stands
     at it: what the drives and the stops of a real arm do, whatever their strength.
 
     Attributes:
-        period: Time that one step takes, [s].
-        push: Force at the hand, [N] in the world, shape (3,), in every step until it is set to None.
+        period: Time between two commands, which is one step of Bullet, [s].
         orientation: The hand's, q_xyzw in the world.
     """
 
-    def __init__(self, body: ArmBody, joints: FloatArray, period: float) -> None:
-        """Args: body, moved by nobody else; joints: where it starts, at rest, (n,), [rad]; period, [s]."""
+    period: ClassVar[float]
+
+    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
+        """Args: body, moved by nobody else; joints: where it starts, at rest, (n,), [rad]."""
         self.body = body
-        self.period = period
-        self.push: FloatArray | None = None
-        self.orientation = (0.0, 0.0, 0.0, 1.0)
-        self._indices = list(body.model.indices)
-        self._lowest, self._highest = body.model.lower + STOP_MARGIN, body.model.upper - STOP_MARGIN
-        bullet, client = body.bullet, body.client
-        bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
-        bullet.setTimeStep(period, physicsClientId=client)
-        bullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
-        body.pose(joints)
+        self.orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+        self._lowest = np.array(body.model.lower) + STOP_MARGIN
+        self._highest = np.array(body.model.upper) - STOP_MARGIN
+        self._fastest = np.array(body.model.max_velocity)
+        bullet = body.bullet
+        bullet.setGravity(0.0, 0.0, -9.81)
+        bullet.setTimeStep(self.period)
+        bullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         for joint, place in body.model.others:
             bullet.setJointMotorControl2(
-                body.body,
-                joint,
-                bullet.POSITION_CONTROL,
-                targetPosition=place,
-                force=FINGER_FORCE,
-                physicsClientId=client,
+                body.body, joint, bullet.POSITION_CONTROL, targetPosition=place, force=FINGER_FORCE
             )
-        self._state = self._measured()
+        self.place(joints)
+
+    @property
+    @abstractmethod
+    def tracking(self) -> Tracking:
+        """How well the arm follows."""
+
+    @abstractmethod
+    def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
+        """Let one period pass, in which the hand shall move with ``velocity`` (3,) [m/s].
+
+        Args:
+            velocity: Of the hand.
+            push: Force on the hand all through the period, shape (3,), [N].
+
+        Returns:
+            The share of the velocity that the joints' limits allowed.
+        """
 
     def state(self) -> ArmState:
         """Return the measured state."""
@@ -267,82 +171,31 @@ class LiveArm:
         self.body.pose(joints)
         self._state = self._measured()
 
-    def step(self, torques: FloatArray | None = None) -> None:
+    def _step(self, push: FloatArray | None, torques: FloatArray | None = None) -> None:
         """Let one period pass; ``torques`` (n,) [Nm] drive the joints, if Bullet's motors do not."""
-        body = self.body
-        if self.push is not None:  # Bullet forgets a force after each step
-            body.bullet.applyExternalForce(
-                body.body,
-                body.model.tip,
-                self.push.tolist(),
-                self._state.hand.tolist(),
-                body.bullet.WORLD_FRAME,
-                physicsClientId=body.client,
-            )
-        body.bullet.stepSimulation(physicsClientId=body.client)
-        self._state = self._measured(torques)
-        if self._stopped():
-            self._state = self._measured(self._state.torques)
+        body, bullet = self.body, self.body.bullet
+        if push is not None:  # Bullet forgets a force after each step
+            place = self._state.hand.tolist()
+            bullet.applyExternalForce(body.body, body.model.tip, push.tolist(), place, bullet.WORLD_FRAME)
+        bullet.stepSimulation()
+        self._state = state = self._measured(torques)
+        beyond = (state.joints < self._lowest) | (state.joints > self._highest)
+        stopped = beyond | (np.abs(state.velocities) > self._fastest)
+        if stopped.any():
+            self._stop(beyond, stopped)
+            self._state = self._measured(state.torques)
 
     def _measured(self, torques: FloatArray | None = None) -> ArmState:
-        body = self.body
-        joints = body.bullet.getJointStates(body.body, self._indices, physicsClientId=body.client)
+        joints = self.body.bullet.getJointStates(self.body.body, self.body.indices)
         angles, velocities, _, measured = zip(*joints, strict=True)
-        hand, self.orientation = body.hand()
-        return ArmState(
-            hand,
-            np.array(angles),
-            np.array(velocities),
-            np.array(measured) if torques is None else torques,
-        )
+        hand, self.orientation = self.body.hand()
+        felt = np.array(measured) if torques is None else torques
+        return ArmState(hand, np.array(angles), np.array(velocities), felt)
 
-    def _stopped(self) -> bool:
-        """Put joints that have passed a limit back to it; whether there were any."""
-        state, model = self._state, self.body.model
-        beyond = (state.joints < self._lowest) | (state.joints > self._highest)
-        too_fast = np.abs(state.velocities) > model.max_velocity
-        stopped = beyond | too_fast
-        if not stopped.any():
-            return False
-        joints = np.clip(state.joints, self._lowest, self._highest)
-        velocities = np.clip(state.velocities, -model.max_velocity, model.max_velocity)
+    def _stop(self, beyond: BoolArray, stopped: BoolArray) -> None:
+        """Put joints ``beyond`` their limit (n,) back to it, and hold all that are ``stopped`` (n,)."""
+        joints = np.clip(self._state.joints, self._lowest, self._highest)
+        velocities = np.clip(self._state.velocities, -self._fastest, self._fastest)
         velocities[beyond] = 0.0
         for i in np.flatnonzero(stopped).tolist():
-            self.body.bullet.resetJointState(
-                self.body.body, self._indices[i], joints[i], velocities[i], physicsClientId=self.body.client
-            )
-        return True
-
-
-class DrivenArm(LiveArm):
-    """An arm with position motors; torques never exceed the real arm's.
-
-    A position motor is a velocity constraint: a push of 40 to 60 N moves nothing at all, and one that is too
-    strong for a joint's torque carries the arm away. Only ``TorqueArm`` yields in proportion.
-    """
-
-    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
-        """Args: body, moved by nobody else; joints: where it starts, at rest. Shape (n,), [rad]."""
-        super().__init__(body, joints, CONTROL_PERIOD)
-        n = body.model.n_joints
-        self._forces = body.model.max_torque.tolist()
-        self._gains = {"positionGains": [POSITION_GAIN] * n, "velocityGains": [VELOCITY_GAIN] * n}
-
-    def drive(self, joints: FloatArray, goal: FloatArray) -> None:
-        """Move from ``joints`` (n,), where the motors should be by now, to ``goal`` (n,) in one period.
-
-        A position motor adds its correction to the velocity it is told. Corrected towards the goal it
-        would run ahead by one period; corrected towards where it should be now, it arrives in time.
-        """
-        body = self.body
-        body.bullet.setJointMotorControlArray(
-            body.body,
-            self._indices,
-            body.bullet.POSITION_CONTROL,
-            targetPositions=joints.tolist(),
-            targetVelocities=((goal - joints) / CONTROL_PERIOD).tolist(),
-            forces=self._forces,
-            physicsClientId=body.client,
-            **self._gains,
-        )
-        self.step()
+            self.body.bullet.resetJointState(self.body.body, self.body.indices[i], joints[i], velocities[i])

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.model.skill import Skill
-from skillctl.simulation.arm import ArmModel
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
 from skillctl.simulation.run import simulate

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from skillctl.errors import NotFoundError
@@ -31,6 +32,27 @@ def load_bullet() -> Any:
             "pip install 'skillctl[sim]' (needs a C++ compiler and some minutes).",
         ) from error
     return pybullet
+
+
+class World:
+    """A Bullet world of its own: PyBullet's functions, each told that this world is meant, and its constants.
+
+    Attributes:
+        client: PyBullet's number of the world.
+    """
+
+    def __init__(self, *, gui: bool = False) -> None:
+        """Args: gui: show the world in a window (see ``gui``)."""
+        self._bullet = bullet = load_bullet()
+        self.client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a function or constant of PyBullet, which from now on is an attribute of this object."""
+        found = getattr(self._bullet, name)
+        if callable(found):
+            found = partial(found, physicsClientId=self.client)
+        setattr(self, name, found)
+        return found
 
 
 @contextmanager

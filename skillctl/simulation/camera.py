@@ -100,7 +100,6 @@ class Camera:
             lightDiffuseCoeff=0.45,
             lightSpecularCoeff=0.03,
             renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=body.client,
         )
         shape = (self.height, self.width)
         pixels = np.reshape(np.asarray(colours, dtype=np.float64), (*shape, 4))[:, :, :3]

@@ -77,20 +77,15 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
 def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachability:
     """Follow the plan, one control period after the other, as far as there are joints for it."""
     plan, model = setup.plan, setup.model
-    joints = [setup.joints]
     start = plan.positions[0]
     if scenario.start is not None:
         start = setup.placement.to_workspace(np.array(scenario.start))
-    residuals = [length(kinematics.forward(setup.joints) - start)]
+    start_residual = length(kinematics.forward(setup.joints) - start)
+    solutions = list(kinematics.along(plan.positions[1:], setup.joints))
     lost = None
-    for point in plan.positions[1:]:
-        solution = kinematics.follow(point, joints[-1])
-        residuals.append(solution.residual)
-        if not solution.accepted:
-            lost = tuple(point.tolist())
-            break
-        joints.append(solution.joints)
-    followed = np.stack(joints)
+    if solutions and not solutions[-1].accepted:
+        lost = tuple(plan.positions[len(solutions)].tolist())
+    followed = np.stack([setup.joints, *(found.joints for found in solutions if found.accepted)])
     margins = np.minimum(followed - model.lower, model.upper - followed)
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / model.max_velocity
     return Reachability(
@@ -104,9 +99,9 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
         start=tuple(start.tolist()),
         target=tuple(plan.target.tolist()),
         duration=plan.duration,
-        start_residual=residuals[0],
+        start_residual=start_residual,
         target_residual=kinematics.search(plan.target, scenario.seed).residual,
-        path_residual=max(residuals),
+        path_residual=max([start_residual, *(found.residual for found in solutions)]),
         lost_at=lost,
         joint_margin=float(margins.min()),
         tightest_joint=int(margins.min(axis=0).argmin()) + 1,

@@ -1,21 +1,78 @@
-"""The episodes of a batch: what differs between them, drawn so that no episode depends on another."""
+"""Where runs begin, and what differs between the episodes of a batch.
+
+Episodes are drawn so that none depends on another.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.skill import Skill
 from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario, Shelf, Table
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
 CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
 START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if that is less
 
+Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
 Stream: TypeAlias = Literal["cup", "start", "body", "seed"]
 STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # only ever appended to
+
+
+def chosen(
+    skill: Skill, taught: Taught, scenario: Scenario, *, demo: int | None, episode: int | None
+) -> Scenario:
+    """Return the scenario of one run.
+
+    Args:
+        skill: What is run.
+        taught: What each leaf of the skill was taught.
+        scenario: What is asked for.
+        demo: Start where this demonstration does, counted from 0 over all leaves, moved as the target is.
+        episode: Run this one of the episodes that the scenario draws, counted from 0.
+
+    Raises:
+        UsageError: A start is given twice, or there is no such demonstration or episode.
+    """
+    if demo is not None:
+        scenario = scenario.changed(start=_start_of(demo, skill, taught, scenario))
+    if episode is None:
+        return scenario
+    batch, starts = batch_of(skill, taught, scenario)
+    return drawn(batch, episode, starts)
+
+
+def _start_of(demo: int, skill: Skill, taught: Taught, scenario: Scenario) -> tuple[float, ...]:
+    if scenario.start is not None:
+        raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
+    shown = _carried(taught)
+    if not 0 <= demo < len(shown):
+        raise UsageError(
+            f"demonstration {demo} does not exist; the skill carries {len(shown)}, counted from 0.",
+            hint="`skillctl inspect` lists them; --start gives a start in numbers.",
+        )
+    start, target = shown[demo].positions[0], scenario.target
+    if target is not None and target != "cup" and len(target) == len(start):
+        start = start + (target - skill.attractors[0])
+    return tuple(start.tolist())
+
+
+def _carried(taught: Taught) -> list[Demonstration]:
+    return [shown for each in taught if each is not None for shown in each]
+
+
+def batch_of(skill: Skill, taught: Taught, scenario: Scenario) -> tuple[Scenario, FloatArray]:
+    """Return a scenario that says what is drawn, and the starts that it may draw from, shape (n, d)."""
+    shown = _carried(taught)
+    starts = np.array([each.positions[0] for each in shown]).reshape(len(shown), skill.dimension)
+    reaches = [length(each.positions[-1] - each.positions[0]) for each in shown]
+    return with_defaults(scenario, starts, min(reaches, default=0.0)), starts
 
 
 def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scenario:

@@ -14,7 +14,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
-from skillctl.simulation.arm import ArmModel
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL, HandPolicy
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
@@ -248,11 +248,21 @@ def path_length(points: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
+def way_along(points: FloatArray) -> FloatArray:
+    """Return how long the way to each of the points (n, d) is. Shape (n,)."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
+def spread_out(points: FloatArray, spacing: float) -> IntArray:
+    """Return which of the points (n, d) lie about ``spacing`` apart along their path, both ends included."""
+    way = way_along(points)
+    wanted = np.searchsorted(way, np.arange(0.0, way[-1], spacing))
+    return np.unique([0, *wanted.tolist(), len(points) - 1])
+
+
 def thinned(points: FloatArray, spacing: float) -> FloatArray:
     """Return the points (n, 3) that lie about ``spacing`` [m] apart along their path, both ends included."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    wanted = np.searchsorted(way, np.arange(0.0, way[-1], spacing))
-    return np.asarray(points[np.unique([0, *wanted.tolist(), len(points) - 1])])
+    return np.asarray(points[spread_out(points, spacing)])
 
 
 def distances_to_path(points: FloatArray, path: FloatArray) -> FloatArray:

@@ -9,7 +9,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
-from skillctl.simulation.arm import ArmBody, ArmModel
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import Phase
 from skillctl.simulation.judge import Verdict
 from skillctl.simulation.scenario import Scenario
@@ -43,19 +44,15 @@ class Gripper:
         """Args: the arm, whose fingers are open."""
         self._arm = arm
         self._joints = [joint for joint, _ in arm.model.fingers]
-        bullet, client = arm.bullet, arm.client
-        first, second = self._joints
+        bullet, (first, second) = arm.bullet, self._joints
         gear = bullet.createConstraint(
-            arm.body, first, arm.body, second, bullet.JOINT_GEAR, (1, 0, 0), (0, 0, 0), (0, 0, 0),
-            physicsClientId=client,
-        )  # fmt: skip
-        bullet.changeConstraint(gear, gearRatio=-1, erp=GEAR_ERP, maxForce=GEAR_FORCE, physicsClientId=client)
-        for joint in self._joints:
-            bullet.changeDynamics(arm.body, joint, lateralFriction=1.0, physicsClientId=client)
-        self.links = tuple(
-            bullet.getJointInfo(arm.body, joint, physicsClientId=client)[12].decode()
-            for joint in self._joints
+            arm.body, first, arm.body, second, bullet.JOINT_GEAR, (1, 0, 0), (0, 0, 0), (0, 0, 0)
         )
+        bullet.changeConstraint(gear, gearRatio=-1, erp=GEAR_ERP, maxForce=GEAR_FORCE)
+        for joint in self._joints:
+            bullet.changeDynamics(arm.body, joint, lateralFriction=1.0)
+        names = arm.link_names()
+        self.links = tuple(names[joint] for joint in self._joints)
 
     def close(self, force: float, speed: float) -> None:
         """Begin to close with ``force`` [N] and ``speed`` [m/s] a finger."""
@@ -68,7 +65,6 @@ class Gripper:
                 targetPosition=0.0,
                 force=force,
                 maxVelocity=speed,
-                physicsClientId=arm.client,
             )
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
-from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
+from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody, Quaternion
 
 HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
 HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
@@ -49,8 +50,8 @@ class Kinematics:
         self.hand = hand
         self._base_yaw = base_yaw
         self.model = model = body.model
-        self.lower, self.upper = model.lower + LIMIT_MARGIN, model.upper - LIMIT_MARGIN
-        self.home = model.home_joints(HAND_PITCH[hand])
+        self.lower, self.upper = np.array(model.lower) + LIMIT_MARGIN, np.array(model.upper) - LIMIT_MARGIN
+        self.home = np.array(model.home_joints(HAND_PITCH[hand]))
         self._damping = [DAMPING] * (model.n_joints + len(model.others))
         self._columns = model.columns
         if model.pitch_joint is None:  # nobody has said how this arm holds its hand so
@@ -80,6 +81,18 @@ class Kinematics:
         jump = float(np.abs(found - joints).max())
         # Written so that a NaN anywhere is a refusal.
         return Solution(found, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
+
+    def along(self, points: Iterable[FloatArray], joints: FloatArray) -> Iterator[Solution]:
+        """Yield the joints for each of the points (3,), one period apart, for a hand that was at ``joints``.
+
+        A point whose joints are not accepted is the last.
+        """
+        for point in points:
+            solution = self.follow(point, joints)
+            yield solution
+            if not solution.accepted:
+                return
+            joints = solution.joints
 
     def search(self, point: FloatArray, seed: int) -> Solution:
         """Return joints for a hand at ``point`` (3,) without knowing any near by: the reachability oracle.
@@ -127,13 +140,12 @@ class Kinematics:
             jointDamping=self._damping,
             maxNumIterations=iterations,
             residualThreshold=IK_THRESHOLD,
-            physicsClientId=body.client,
         )
         clamped = np.clip([found[column] for column in self._columns], self.lower, self.upper)
         body.pose(clamped)
         return np.asarray(clamped)
 
-    def orientation(self, point: FloatArray) -> tuple[float, float, float, float] | None:
+    def orientation(self, point: FloatArray) -> Quaternion | None:
         """Return the hand's orientation q_xyzw at ``point``; None if it does not matter."""
         if self.hand == "free":
             return None
@@ -148,7 +160,7 @@ class Kinematics:
         azimuth = math.atan2(point[1], point[0]) - self._base_yaw
         return math.remainder(azimuth, math.tau)
 
-    def _angle_to(self, orientation: tuple[float, float, float, float], point: FloatArray) -> float:
+    def _angle_to(self, orientation: Quaternion, point: FloatArray) -> float:
         wanted = self.orientation(point)
         if wanted is None:
             return 0.0

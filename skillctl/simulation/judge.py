@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
-from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.disturbances import jumped
-from skillctl.simulation.driver import Driver
 from skillctl.simulation.episode import Outcome
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.scenario import Scenario
@@ -59,7 +58,7 @@ class Judge:
         )
 
     def failure(
-        self, motion: Motion, hand: FloatArray, velocity: FloatArray, driver: Driver
+        self, motion: Motion, hand: FloatArray, velocity: FloatArray, tracking: Tracking
     ) -> Verdict | None:
         """Return how the motion failed, None if it has not."""
         distance = motion.distance_to_goals(hand)
@@ -67,14 +66,13 @@ class Judge:
             return Verdict("diverged", "the skill's velocity was not a number")
         if not distance < self.farthest:
             return Verdict("diverged", f"the hand was {distance:.2f} m from its target, and going away")
-        if driver.refusals < self.refusals:
+        if tracking.refusals < self.refusals:
             return None
-        where = "({:.2f}, {:.2f}, {:.2f}) m".format(*driver.reference)
-        if driver.at_limit is None:
+        where = "({:.2f}, {:.2f}, {:.2f}) m".format(*tracking.reference)
+        if tracking.at_limit is None:
             return Verdict("unreachable", f"no joints put the hand near {where}")
-        return Verdict(
-            "joint_limit", f"joint {driver.at_limit + 1} would have to pass its limit for the hand at {where}"
-        )
+        joint = tracking.at_limit + 1
+        return Verdict("joint_limit", f"joint {joint} would have to pass its limit for the hand at {where}")
 
     def settled(self, motion: Motion, hand: FloatArray) -> Verdict | None:
         """Return ``reached`` when the hand has stayed at the target for long enough, else None."""

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
-from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
+from skillctl.model.space import Euclidean
+from skillctl.model.stepper import moved
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
+WORKSPACE = Euclidean.cartesian(3)
 WORKSPACE_RADIUS = 3.0  # [m]: a plan that leaves it is a skill that diverges
-
-
-TINY = 1e-12  # a cap of zero, where the hand is at its target, would be none
+SLOWEST = 1e-12  # [m/s]: a cap has to be positive, also where the hand is at its target
 
 
 class Motion:
@@ -41,7 +41,7 @@ class Motion:
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._controller = Controller(skill, period, allow_unproved=True)
-        self._goals = placement.to_workspace(skill.attractors)
+        self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._moved = np.zeros(3)
         self._speed = 0.0
 
@@ -51,7 +51,7 @@ class Motion:
         To the skill this is a jump of the hand, so a latched one may select another part.
         """
         self._moved = self._moved + offset
-        self._goals = self._goals + offset
+        self._ends = self._ends + offset
 
     @property
     def part(self) -> int:
@@ -60,16 +60,14 @@ class Motion:
 
     def target(self, position: FloatArray) -> FloatArray:
         """Return where the acting part ends, shape (3,); for instantaneous gates the nearest end."""
-        if len(self._goals) == 1:
-            return np.asarray(self._goals[0])
-        if isinstance(self._skill, CombinedSkill) and self._skill.gate == "latched":
-            return np.asarray(self._goals[self.part])
-        nearest = np.linalg.norm(self._goals - position, axis=1).argmin()
-        return np.asarray(self._goals[nearest])
+        acting = self.part
+        if self._skill.reselects:
+            acting = int(WORKSPACE.distance(self._ends, position).argmin())
+        return np.asarray(self._ends[acting])
 
     def distance_to_goals(self, position: FloatArray) -> float:
         """Return the distance of a position (3,) to the nearest end of any part, [m]."""
-        return min(length(goal - position) for goal in self._goals)
+        return min(length(end - position) for end in self._ends)
 
     def velocity(self, position: FloatArray) -> FloatArray:
         """Return the hand's velocity (3,) [m/s] at a perceived position (3,)."""
@@ -81,7 +79,7 @@ class Motion:
         )
         position = position - self._moved
         state = self._placement.to_state(position)
-        inner = self._controller.step(state, max_speed=max(limit / self._placement.scale, TINY))
+        inner = self._controller.step(state, max_speed=max(limit / self._placement.scale, SLOWEST))
         velocity = self._placement.lift(inner, position)
         speed = length(velocity)
         if speed > limit:  # only the way to a plane can add to the skill's own speed
@@ -122,7 +120,7 @@ def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: F
     arrived = False
     for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
         velocity = motion.velocity(position)
-        position = position + CONTROL_PERIOD * velocity
+        position = moved(WORKSPACE, position, velocity, CONTROL_PERIOD)
         if not length(position) < WORKSPACE_RADIUS:
             break
         positions.append(position)

@@ -1,20 +1,54 @@
-"""The contact sheet: six moments of an episode, with plan, trail and target drawn into the scene."""
+"""Pictures of episodes: the contact sheet of one, and the overview of many."""
 
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Iterable, Sequence
+from typing import Literal, TypeAlias
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from skillctl.arrays import FloatArray
+from skillctl.errors import GoalNotReachedError
+from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.episode import PHASES, Episode
-from skillctl.simulation.frame import Scenery
+from skillctl.simulation.camera import Camera
+from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
+from skillctl.simulation.episode import PHASES, Episode, way_along
+from skillctl.simulation.scenario import Plane
+from skillctl.simulation.stage import Stage
 
-COLUMNS, ROWS = 3, 2
-TILE = (480, 400)
-GUTTER, HEADER = 8, 52
-INK, PAPER, FAILURE = (38, 44, 54), (255, 255, 255), (190, 40, 30)
+ColourBy: TypeAlias = Literal["outcome", "part"]
+
+COLUMNS, ROWS = 3, 2  # of a contact sheet
+TILE, OVERVIEW = (480, 400), (1200, 900)
+GUTTER, HEADER, LEGEND = 8, 52, 40
+SHARPNESS = 1.5  # stills are rendered this much larger than shown: smoother edges
+INK, PAPER = (38, 44, 54), (255, 255, 255)
+TRAIL, PLAN, TARGET = (196, 16, 104), (84, 96, 112), (0, 122, 80)  # seen against white, blue and orange arms
+SUCCESS, FAILURE, REFUSAL = (24, 92, 180), (206, 44, 32), (190, 40, 30)
+PARTS: tuple[Colour, ...] = (
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 145, 105),
+    (190, 80, 150),
+    (146, 104, 0),
+    (60, 60, 140),
+)  # told apart by people with any colour vision
+PALENESS = 0.6  # of an overview's cups: lines of the same colour can be seen before them
+NEIGHBOURHOOD = 0.15  # [m] around the motions: so much of the scene has to be in an overview
+
+# From the motion to the camera, for a base that faces +x. Planes are seen unmirrored.
+DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
+    None: (0.75, -1.2, 0.55),
+    "xy": (0.25, -1.1, 0.95),
+    "xz": (0.15, -1.4, 0.35),
+    "yz": (1.4, -0.45, 0.40),
+}
+SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm onto its boards
+OVERVIEW_DIRECTION = (-0.85, -1.00, 1.45)  # from higher up than one episode: many cups
 
 
 def encode_picture(episode: Episode, *, title: str = "") -> bytes:
@@ -23,63 +57,128 @@ def encode_picture(episode: Episode, *, title: str = "") -> bytes:
     Solid line: where the hand was; dots: the ideal rollout; ring: the target. What lies behind a surface
     is faint. Frames are equal parts of the way apart, not of the time.
     """
-    width = COLUMNS * TILE[0] + (COLUMNS + 1) * GUTTER
-    height = HEADER + ROWS * (TILE[1] + GUTTER)
-    sheet = Image.new("RGB", (width, height), PAPER)
-    draw_header(sheet, title or f"{episode.arm.name} arm", verdict(episode), success=episode.success)
+    size = COLUMNS * (TILE[0] + GUTTER) + GUTTER, HEADER + ROWS * (TILE[1] + GUTTER)
+    sheet = Image.new("RGB", size, PAPER)
+    colour = INK if episode.success else REFUSAL
+    _draw_header(sheet, title or f"{episode.arm.name} arm", _verdict(episode), colour)
     moments = _moments(episode)
     with silenced(1), Scenery(episode, moments, TILE) as scenery:
         for place, moment in enumerate(moments):
             row, column = divmod(place, COLUMNS)
             corner = (GUTTER + column * (TILE[0] + GUTTER), HEADER + row * (TILE[1] + GUTTER))
-            tile = scenery.picture(moment)
-            draw_caption(tile, caption(episode, moment))
-            sheet.paste(tile, corner)
-    return encode_png(sheet)
+            sheet.paste(scenery.picture(moment), corner)
+    return _png(sheet)
 
 
-def encode_png(image: Image.Image) -> bytes:
-    """Return an image as a PNG file."""
-    file = io.BytesIO()
-    image.save(file, format="PNG", optimize=True)
-    return file.getvalue()
+def encode_overview(
+    rows: Sequence[Row],
+    *,
+    title: str,
+    verdict: str,
+    colour_by: ColourBy = "outcome",
+    parts: Sequence[str] = (),
+) -> bytes:
+    """Return all episodes in one picture, as a PNG file; equal batches give equal bytes.
+
+    The arm stands where the first episode begins. Each line is the way of a hand up to its cup or target,
+    with a dot at its start; a cross ends the way of an episode that failed.
+
+    Args:
+        rows: The episodes; those that could not begin are counted, but not seen.
+        title: For the header.
+        verdict: For the header, too.
+        colour_by: ``outcome``: success blue, failure red; ``part``: by the part of a combined skill.
+        parts: Names of the parts.
+
+    Raises:
+        GoalNotReachedError: No episode could begin.
+    """
+    shown = [(row, row.trace) for row in rows if row.trace is not None]
+    if not shown:
+        raise GoalNotReachedError("there is nothing to show: no episode could begin.")
+    sheet = Image.new("RGB", (OVERVIEW[0] + 2 * GUTTER, HEADER + OVERVIEW[1] + LEGEND), PAPER)
+    sheet.paste(_all_of(shown, colour_by), (GUTTER, HEADER))
+    _draw_header(sheet, title, verdict, INK)
+    _draw_legend(sheet, _legend(rows, colour_by, parts))
+    return _png(sheet)
+
+
+class Scenery(Stage):
+    """The world of one episode, and a camera from which all of it can be seen."""
+
+    def __init__(
+        self, episode: Episode, rows: Iterable[int], size: tuple[int, int], sharpness: float = SHARPNESS
+    ) -> None:
+        """Make the world.
+
+        Args:
+            episode: What to show.
+            rows: Of its series, for which the whole arm has to be in the picture.
+            size: Width and height of the pictures.
+            sharpness: How much larger than that they are rendered.
+        """
+        scenario, series = episode.scenario, episode.series
+        super().__init__(episode.arm, episode.base_yaw, scenario.scene)
+        self._episode, self._size = episode, size
+        self._cup = None if scenario.cup is None else self.add_cup(scenario.cup)
+        extents = []
+        for row in rows:
+            self._show_row(row)
+            extents.append(self.arm_extent())
+        points = np.vstack([series.hand, episode.plan.positions, series.targets, self.corners, *extents])
+        towards = _direction(episode.placement.plane, episode.base_yaw)
+        if scenario.scene is not None:
+            towards = np.array(SCENE_DIRECTION)
+        self._camera = Camera(points, towards, *(round(sharpness * length) for length in size))
+
+    def picture(self, row: int) -> Image.Image:
+        """Return one moment: the trail so far, the plan, the target as it was then, and words on it."""
+        self._show_row(row)
+        episode, series = self._episode, self._episode.series
+        canvas = Canvas(self, self._camera, self._size)
+        canvas.dots(episode.plan.positions, PLAN, radius=0.9, spacing=7.0)
+        canvas.line(series.hand[: row + 1], TRAIL, width=3.0)
+        canvas.ring(series.targets[row], TARGET, radius=9.0)
+        canvas.disc(series.hand[row], TRAIL, radius=4.0)
+        tile = canvas.image()
+        place = (12, tile.height - 30)
+        ImageDraw.Draw(tile).text(
+            place, _caption(episode, row), font=_font(16), fill=INK, stroke_width=2, stroke_fill=PAPER
+        )
+        return tile
+
+    def _show_row(self, row: int) -> None:
+        series = self._episode.series
+        self.show(series.joints[row], series.fingers[row])
+        if self._cup is not None:
+            self.put(self._cup, series.cups[row])
 
 
 def _moments(episode: Episode) -> list[int]:
     """Return the rows to show: at equal parts of the way, as the end of a motion is slow."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(episode.series.hand, axis=0), axis=1))])
+    way = way_along(episode.series.hand)
     count = COLUMNS * ROWS
     inner = np.searchsorted(way, way[-1] * np.arange(1, count - 1) / (count - 1))
     return [0, *inner.tolist(), len(way) - 1]
 
 
-def caption(episode: Episode, row: int) -> str:
+def _direction(plane: Plane | None, base_yaw: float) -> FloatArray:
+    """Return the direction (3,) from a motion to a camera that sees it well, where there is no scene."""
+    x, y, z = DIRECTIONS[plane]
+    cosine, sine = math.cos(base_yaw), math.sin(base_yaw)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+
+
+def _caption(episode: Episode, row: int) -> str:
     """Return what is said about one moment."""
     series = episode.series
-    time = f"{series.times[row]:.2f} s"
-    phase = PHASES[series.phases[row]]
+    time, phase = f"{series.times[row]:.2f} s", PHASES[series.phases[row]]
     if phase != "approach":
         return f"{time}   {phase}"
     return f"{time}   {_length(float(np.linalg.norm(series.hand[row] - series.targets[row])))} to target"
 
 
-def draw_caption(tile: Image.Image, text: str) -> None:
-    """Write a caption into the lower left corner."""
-    font = ImageFont.load_default(16)
-    place = (12, tile.height - 30)
-    ImageDraw.Draw(tile).text(place, text, font=font, fill=INK, stroke_width=2, stroke_fill=PAPER)
-
-
-def draw_header(sheet: Image.Image, name: str, words: str, *, success: bool) -> None:
-    """Write a name on the left and a verdict on the right into the free top of a sheet."""
-    draw, middle = ImageDraw.Draw(sheet), HEADER // 2
-    colour = INK if success else FAILURE
-    draw.text((GUTTER + 4, middle), name, font=ImageFont.load_default(22), fill=INK, anchor="lm")
-    right = sheet.width - GUTTER - 4
-    draw.text((right, middle), words, font=ImageFont.load_default(18), fill=colour, anchor="rm")
-
-
-def verdict(episode: Episode) -> str:
+def _verdict(episode: Episode) -> str:
     """Return in a few words how an episode ended."""
     metrics = episode.metrics
     missed = _length(metrics.final_error)
@@ -95,3 +194,76 @@ def verdict(episode: Episode) -> str:
 
 def _length(metres: float) -> str:
     return f"{1e3 * metres:.1f} mm" if metres < 0.01 else f"{1e3 * metres:.0f} mm"
+
+
+def _all_of(shown: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
+    """Return the world with all episodes in it."""
+    scene, first = shown[0][0].scenario.scene, shown[0][1]
+    with silenced(1), Stage(first.arm, first.base_yaw, scene) as stage:
+        stage.show(first.joints, first.fingers)
+        for row, trace in shown:
+            if row.scenario.cup is not None:
+                red, green, blue = 1 - PALENESS * (1 - np.array(_colour(row, trace, colour_by)) / 255)
+                stage.put(stage.add_cup(row.scenario.cup, (red, green, blue, 1.0)), trace.cup)
+        motion = np.vstack([np.vstack([trace.path, trace.target]) for _, trace in shown])
+        low, high = motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD
+        points = np.vstack([motion, np.clip(stage.corners, low, high), stage.arm_extent()])
+        towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
+        camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
+        canvas = Canvas(stage, camera, OVERVIEW)
+    for row, trace in shown:
+        canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
+    for row, trace in shown:
+        canvas.disc(trace.path[0], _colour(row, trace, colour_by), radius=3.0)
+        if scene is None:
+            canvas.ring(trace.target, TARGET, radius=7.0)
+        if not row.success:
+            canvas.cross(trace.path[-1], FAILURE, radius=5.0)
+    return canvas.image()
+
+
+def _colour(row: Row, trace: Trace, colour_by: ColourBy) -> Colour:
+    if colour_by == "part":
+        return PARTS[trace.part % len(PARTS)]
+    return SUCCESS if row.success else FAILURE
+
+
+def _legend(rows: Sequence[Row], colour_by: ColourBy, parts: Sequence[str]) -> list[tuple[Colour, str]]:
+    successes = sum(row.success for row in rows)
+    failed = [(FAILURE, f"failed: {len(rows) - successes}")] if successes < len(rows) else []
+    if colour_by == "outcome":
+        return [(SUCCESS, f"succeeded: {successes}"), *failed]
+    acted = [row.trace.part for row in rows if row.trace is not None]
+    names = {part: parts[part] if part < len(parts) else f"part {part + 1}" for part in sorted(set(acted))}
+    counted = [(PARTS[part % len(PARTS)], f"{name}: {acted.count(part)}") for part, name in names.items()]
+    return [*counted, *failed]
+
+
+def _draw_header(sheet: Image.Image, name: str, words: str, colour: Colour) -> None:
+    """Write a name on the left and a verdict on the right into the free top of a sheet."""
+    draw, middle, margin = ImageDraw.Draw(sheet), HEADER // 2, GUTTER + 4
+    draw.text((margin, middle), name, font=_font(22), fill=INK, anchor="lm")
+    draw.text((sheet.width - margin, middle), words, font=_font(18), fill=colour, anchor="rm")
+
+
+def _draw_legend(sheet: Image.Image, entries: Sequence[tuple[Colour, str]]) -> None:
+    """Write what the colours mean into the free bottom of a sheet."""
+    draw, font = ImageDraw.Draw(sheet), _font(16)
+    x, middle = GUTTER + 12, sheet.height - LEGEND // 2
+    large = Image.new("L", (12 * SUPERSAMPLING, 12 * SUPERSAMPLING))
+    ImageDraw.Draw(large).ellipse((0, 0, large.width - 1, large.height - 1), fill=255)
+    dot = large.reduce(SUPERSAMPLING)
+    for colour, text in entries:
+        sheet.paste(colour, (x - 6, middle - 6), dot)
+        draw.text((x + 14, middle), text, font=font, fill=INK, anchor="lm")
+        x += 14 + round(draw.textlength(text, font=font)) + 36
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+def _png(image: Image.Image) -> bytes:
+    file = io.BytesIO()
+    image.save(file, format="PNG", optimize=True)
+    return file.getvalue()

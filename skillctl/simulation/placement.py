@@ -10,7 +10,7 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
-from skillctl.simulation.arm import ArmModel
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.scenario import Plane, Scenario
 from skillctl.simulation.scene import board_height, cup_middle
 

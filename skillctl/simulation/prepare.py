@@ -11,7 +11,8 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, retargeted
-from skillctl.simulation.arm import ArmBody, ArmModel
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import HandPolicy, Kinematics, Solution
@@ -150,9 +151,6 @@ def _required(name: str, point: FloatArray, found: Solution, scenario: Scenario)
 
 def _followable(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> bool:
     """Whether neighbouring joints exist all along the plan, without dynamics."""
-    for point in [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]:
-        solution = kinematics.follow(point, joints)
-        if not (solution.accepted and solution.residual < REHEARSAL_RESIDUAL):
-            return False
-        joints = solution.joints
-    return True
+    rehearsed = [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]
+    solutions = kinematics.along(rehearsed, joints)
+    return all(solution.accepted and solution.residual < REHEARSAL_RESIDUAL for solution in solutions)

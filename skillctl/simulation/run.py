@@ -10,21 +10,20 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
-from skillctl.simulation.arm import ArmBody, DrivenArm
+from skillctl.simulation.arm import ArmBody, LiveArm
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.control import Follower
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
-from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
-from skillctl.simulation.episode import Episode, RefusedError, measure
+from skillctl.simulation.episode import Episode, Phase, RefusedError, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
-from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
+from skillctl.simulation.position import PositionArm
 from skillctl.simulation.prepare import Setup, prepare
-from skillctl.simulation.scenario import MoveTarget, Scenario
+from skillctl.simulation.scenario import Control, MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
-from skillctl.simulation.series import Recorder, Row
+from skillctl.simulation.series import Recorder
 from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
@@ -32,6 +31,10 @@ PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m]: a lift is tried on the twin in steps of this length
 DISPLACED_STEP = 0.01  # [m]: joints for a displaced hand are followed there in steps of this length
 
+CONTROLLED: dict[Control, type[PositionArm] | type[TorqueArm]] = {
+    "position": PositionArm,
+    "torque": TorqueArm,
+}
 Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
 
@@ -99,23 +102,21 @@ class _Run:
         self.setup, self.scenario = setup, scenario
         self.scene = SceneBodies(body, scenario)
         self.kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
-        self.driver = self._driver(body)
+        self.arm: LiveArm = CONTROLLED[scenario.control](body, setup.joints, self.kinematics)
         self.perception = Perception(scenario)
         self.schedule = Schedule(scenario.disturbances)
-        self.motion = Motion(setup.skill, setup.placement, scenario, self.driver.period)
+        self.motion = Motion(setup.skill, setup.placement, scenario, self.arm.period)
         self.seen_off = np.zeros(3)  # from the true target to the perceived one
         self._look()
-        self.judge = Judge.of(setup.plan, scenario, self.driver.period)
+        self.judge = Judge.of(setup.plan, scenario, self.arm.period)
         self.grasping = None
         if scenario.cup is not None:
             self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)
-        self.recorder = Recorder(body, self.scene)
+        self.recorder = Recorder(self.arm, self.scene)
 
-    def _driver(self, body: ArmBody) -> Driver:
-        if self.scenario.control == "torque":
-            return TorqueDriver(TorqueArm(body, self.setup.joints, self.kinematics))
-        follower = Follower(self.kinematics, self.setup.joints)
-        return PositionDriver(follower, DrivenArm(body, self.setup.joints))
+    @property
+    def _phase(self) -> Phase:
+        return self.grasping.phase if self.grasping else "approach"
 
     def _look(self) -> None:
         """See where the target is, with a new error."""
@@ -126,7 +127,7 @@ class _Run:
     def drive(self, progress: Progress | None, pace: Pace | None) -> Verdict:
         """Let time pass until the episode is over, and return how it ended."""
         self._require_free_start()
-        period, horizon = self.driver.period, self._horizon()
+        period, horizon = self.arm.period, self._horizon()
         every = round(PROGRESS_TIME / period)
         for step in range(math.ceil(horizon / period) + 1):
             now = step * period
@@ -137,24 +138,24 @@ class _Run:
                 pace.wait(now)
             if progress is not None and step % every == 0:
                 progress(now, horizon)
-        distance = length(self.driver.state().hand - self.motion.target(self.driver.state().hand))
-        return Verdict(
-            "timeout", f"the hand was {1e3 * distance:.0f} mm from its target after {horizon:.1f} s"
-        )
+        hand = self.arm.state().hand
+        away = 1e3 * length(hand - self.motion.target(hand))
+        return Verdict("timeout", f"the hand was {away:.0f} mm from its target after {horizon:.1f} s")
 
     def _step(self, now: float) -> Verdict | None:
         """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
-        hand = self.driver.state().hand
+        hand = self.arm.state().hand
         contacts = self.scene.contacts()
-        velocity = self.grasping.velocity(now, self.driver.reference) if self.grasping else None
+        velocity = self.grasping.velocity(now, self.arm.tracking.reference) if self.grasping else None
         by_skill = velocity is None
         if velocity is None:
             velocity = self.motion.velocity(self.perception.hand(hand))
-        self.recorder.add(now, self._row(hand, contacts))
+        target = self.motion.target(hand)
+        self.recorder.add(now, self.motion.part, self._phase, target - self.seen_off, contacts)
         verdict = self._verdict(now, hand, velocity, contacts)
         if verdict is not None:
             return verdict
-        share = self.driver.drive(velocity, self.schedule.push(now))
+        share = self.arm.drive(velocity, self.schedule.push(now))
         if by_skill:
             self.motion.slowed(share)
         if self.grasping:
@@ -164,28 +165,15 @@ class _Run:
     def _verdict(
         self, now: float, hand: FloatArray, velocity: FloatArray, contacts: list[Contact]
     ) -> Verdict | None:
-        phase, began = ("approach", 0.0)
-        if self.grasping:
-            phase, began = self.grasping.phase, self.grasping.began
+        began = self.grasping.began if self.grasping else 0.0
         for contact in contacts:
             if contact.thing != "cup":
-                when = f"{now - began:.1f} s into the {phase}"
+                when = f"{now - began:.1f} s into the {self._phase}"
                 return Verdict("shelf_contact", f"{contact.link} touched the {contact.thing} {when}")
-        failure = self.judge.failure(self.motion, hand, velocity, self.driver)
+        failure = self.judge.failure(self.motion, hand, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
             return failure or self.judge.settled(self.motion, hand)
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
-
-    def _row(self, hand: FloatArray, contacts: list[Contact]) -> Row:
-        return Row(
-            state=self.driver.state(),
-            reference=self.driver.reference,
-            residual=self.driver.residual,
-            part=self.motion.part,
-            phase=self.grasping.phase if self.grasping else "approach",
-            target=self.motion.target(hand) - self.seen_off,
-            contacts=contacts,
-        )
 
     def _disturbed(self, now: float) -> Verdict | None:
         """Let happen what is due; return a failure if the hand cannot be taken where it should."""
@@ -198,33 +186,28 @@ class _Run:
                 self.motion.move(offset)
                 self._look()
             elif not self._displaced(offset):
-                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.driver.state().hand + offset))
+                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state().hand + offset))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
         """Take the hand elsewhere, by ``offset`` (3,); return False if it cannot be there."""
-        state = self.driver.state()
-        joints = state.joints
-        for share in np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]:
-            solution = self.kinematics.follow(state.hand + share * offset, joints)
-            if not solution.accepted:
-                return False
-            joints = solution.joints
-        self.driver.displace(joints)
-        return True
+        state = self.arm.state()
+        shares = np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]
+        way = [state.hand + share * offset for share in shares]
+        standing = Solution(state.joints, 0.0, accepted=True)  # for a hand that is not moved at all
+        *_, last = standing, *self.kinematics.along(way, state.joints)
+        if last.accepted:
+            self.arm.place(last.joints)
+        return last.accepted
 
     def _liftable(self) -> float:
         """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
-        state, lift = self.driver.state(), self.scenario.grasp.lift
-        joints, steps = state.joints, math.ceil(lift / LIFTED_STEP)
-        for step in range(1, steps + 1):
-            point = state.hand + np.array([0.0, 0.0, lift * step / steps])
-            solution = self.kinematics.follow(point, joints)
-            if not solution.accepted:
-                return lift * (step - 1) / steps
-            joints = solution.joints
-        return lift
+        state, lift = self.arm.state(), self.scenario.grasp.lift
+        steps = math.ceil(lift / LIFTED_STEP)
+        way = [state.hand + np.array([0.0, 0.0, lift * step / steps]) for step in range(1, steps + 1)]
+        reached = sum(solution.accepted for solution in self.kinematics.along(way, state.joints))
+        return lift if reached == steps else lift * reached / steps
 
     def _require_free_start(self) -> None:
         contacts = self.scene.contacts_now()

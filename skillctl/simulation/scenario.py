@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from skillctl.errors import UsageError
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import HAND_PITCH, HandPolicy
 from skillctl.simulation.scenario_errors import in_words
 

@@ -87,18 +87,13 @@ class SceneBodies:
         self.cup: int | None = None
         if scenario.cup is not None:
             self.cup = self._add_cup(scenario.cup, cup_middle(scenario))
-        self._links = {-1: "base"} | {
-            joint: arm.bullet.getJointInfo(arm.body, joint, physicsClientId=arm.client)[12].decode()
-            for joint in range(arm.bullet.getNumJoints(arm.body, physicsClientId=arm.client))
-        }
+        self._links = dict(enumerate(["base", *arm.link_names()], start=-1))
 
     def cup_pose(self) -> FloatArray:
         """Return position and orientation q_xyzw of the cup's middle, shape (7,); NaN without a cup."""
         if self.cup is None:
             return NO_CUP
-        position, orientation = self._arm.bullet.getBasePositionAndOrientation(
-            self.cup, physicsClientId=self._arm.client
-        )
+        position, orientation = self._arm.bullet.getBasePositionAndOrientation(self.cup)
         return np.array([*position, *orientation])
 
     def move_cup(self, offset: FloatArray) -> None:
@@ -106,15 +101,14 @@ class SceneBodies:
         if self.cup is None:
             return
         position = self.cup_pose()[:3] + offset
-        self._arm.bullet.resetBasePositionAndOrientation(
-            self.cup, position.tolist(), (0.0, 0.0, 0.0, 1.0), physicsClientId=self._arm.client
-        )
+        upright = (0.0, 0.0, 0.0, 1.0)
+        self._arm.bullet.resetBasePositionAndOrientation(self.cup, position.tolist(), upright)
 
     def contacts(self) -> list[Contact]:
         """Return where the arm touches the scene or the cup, one entry per contact point."""
         if not self._names:
             return []
-        points = self._arm.bullet.getContactPoints(bodyA=self._arm.body, physicsClientId=self._arm.client)
+        points = self._arm.bullet.getContactPoints(bodyA=self._arm.body)
         return [
             Contact(self._links[point[3]], self._names.get(point[2], "cup"))
             for point in points
@@ -123,7 +117,7 @@ class SceneBodies:
 
     def contacts_now(self) -> list[Contact]:
         """Return the contacts before any time has passed: no forces yet, but depths."""
-        self._arm.bullet.performCollisionDetection(physicsClientId=self._arm.client)
+        self._arm.bullet.performCollisionDetection()
         return self.contacts()
 
     def clearance(self) -> float:
@@ -132,31 +126,20 @@ class SceneBodies:
             return np.nan
         nearest = CLEARANCE_RANGE
         for body in self._names:
-            points = self._arm.bullet.getClosestPoints(
-                self._arm.body, body, nearest, physicsClientId=self._arm.client
-            )
+            points = self._arm.bullet.getClosestPoints(self._arm.body, body, nearest)
             nearest = min([nearest, *(point[8] for point in points)])
         return nearest
 
     def _add_box(self, box: Box) -> int:
-        bullet, client = self._arm.bullet, self._arm.client
-        half = (0.5 * (box.upper - box.lower)).tolist()
-        shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
-        middle = (0.5 * (box.lower + box.upper)).tolist()
-        return int(bullet.createMultiBody(0.0, shape, -1, middle, physicsClientId=client))
+        bullet, half = self._arm.bullet, (0.5 * (box.upper - box.lower)).tolist()
+        shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half)
+        return int(bullet.createMultiBody(0.0, shape, -1, (0.5 * (box.lower + box.upper)).tolist()))
 
     def _add_cup(self, cup: Cup, middle: FloatArray) -> int:
-        bullet, client = self._arm.bullet, self._arm.client
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_CYLINDER, radius=cup.radius, height=cup.height, physicsClientId=client
-        )
-        body = int(bullet.createMultiBody(cup.mass, shape, -1, middle.tolist(), physicsClientId=client))
+        bullet = self._arm.bullet
+        shape = bullet.createCollisionShape(bullet.GEOM_CYLINDER, radius=cup.radius, height=cup.height)
+        body = int(bullet.createMultiBody(cup.mass, shape, -1, middle.tolist()))
         across = cup.mass * (3 * cup.radius**2 + cup.height**2) / 12  # a solid cylinder's
-        bullet.changeDynamics(
-            body,
-            -1,
-            lateralFriction=cup.friction,
-            localInertiaDiagonal=(across, across, 0.5 * cup.mass * cup.radius**2),
-            physicsClientId=client,
-        )
+        inertia = (across, across, 0.5 * cup.mass * cup.radius**2)
+        bullet.changeDynamics(body, -1, lateralFriction=cup.friction, localInertiaDiagonal=inertia)
         return body

@@ -4,95 +4,77 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import TracebackType
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.simulation.arm import ArmBody, ArmModel
-from skillctl.simulation.camera import Camera, View
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.scenario import Cup, Shelf, Table
 from skillctl.simulation.scene import Box, boxes
 
+Tint: TypeAlias = tuple[float, float, float, float]  # red, green, blue, opacity, from 0 to 1
+
 ARM_RADIUS = 0.07  # [m]: links are this thick around their frames, for framing
 FLOOR_SIZE = 4.0  # [m]
-FLOOR = (0.90, 0.91, 0.93, 1.0)
-WOOD, PANEL = (0.88, 0.76, 0.58, 1.0), (0.91, 0.89, 0.85, 1.0)
+FLOOR: Tint = (0.90, 0.91, 0.93, 1.0)
+WOOD: Tint = (0.88, 0.76, 0.58, 1.0)
+PANEL: Tint = (0.91, 0.89, 0.85, 1.0)
 POST = 0.04  # [m]
-CUP_COLOUR = (0.22, 0.42, 0.72, 1.0)
+CUP_COLOUR: Tint = (0.22, 0.42, 0.72, 1.0)
 CUP_SIDES = 40
 CUP_FOOT, CUP_RIM, CUP_FLOOR = 0.84, 0.88, 0.06  # radius below, radius inside, and height, as shares
 
 
-class Stage:
-    """A world to be looked at: nothing moves in it but what is posed. Usable as a context manager."""
+class Stage(ArmBody):
+    """A world to be looked at: nothing moves in it but what is posed.
+
+    Attributes:
+        floor: Bullet's number of the floor.
+        corners: Of everything in the scene, shape (n, 3), [m].
+    """
 
     def __init__(self, model: ArmModel, base_yaw: float, scene: Shelf | Table | None) -> None:
         """Args: the arm; its base's turn about the vertical, [rad]; what stands in front of it."""
-        self._arm = ArmBody(model, base_yaw)
+        super().__init__(model, base_yaw)
         size = np.array([FLOOR_SIZE, FLOOR_SIZE, 0.0])
-        self.floor = self._box(-size - (0, 0, 0.02), size, FLOOR)
+        self.floor = self._add_box(Box("floor", -size - (0, 0, 0.02), size), FLOOR)
         self.corners = np.zeros((0, 3))
         parts = boxes(scene)
         for box in (*parts, *_supports(parts)):
-            self._box(box.lower, box.upper, PANEL if box.name in ("rear panel", "post") else WOOD)
+            self._add_box(box, PANEL if box.name in ("rear panel", "post") else WOOD)
             self.corners = np.vstack([self.corners, _corners(box)])
 
-    def __enter__(self) -> Stage:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._arm.__exit__(kind, error, trace)
-
-    def add_cup(self, cup: Cup, colour: tuple[float, float, float, float] = CUP_COLOUR) -> int:
+    def add_cup(self, cup: Cup, colour: Tint = CUP_COLOUR) -> int:
         """Add a cup, and return the number by which it is moved."""
-        vertices, normals, indices = _cup_mesh(cup.radius, cup.height)
-        bullet, client = self._arm.bullet, self._arm.client
-        shape = bullet.createVisualShape(
-            bullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            normals=normals.tolist(),
-            indices=indices.tolist(),
-            rgbaColor=colour,
-            specularColor=(0, 0, 0),
-            physicsClientId=client,
-        )
-        return int(bullet.createMultiBody(0, -1, shape, physicsClientId=client))
+        vertices, normals, indices = (part.tolist() for part in _cup_mesh(cup.radius, cup.height))
+        mesh = {"vertices": vertices, "normals": normals, "indices": indices}
+        return self._add(self.bullet.GEOM_MESH, colour, (0.0, 0.0, 0.0), mesh)
 
-    def place(self, number: int, pose: FloatArray) -> None:
-        """Put a cup's middle at a position and orientation q_xyzw, together (7,)."""
-        self._arm.bullet.resetBasePositionAndOrientation(
-            number, pose[:3].tolist(), pose[3:].tolist(), physicsClientId=self._arm.client
-        )
+    def put(self, cup: int, pose: FloatArray) -> None:
+        """Put the middle of a cup at a position and orientation q_xyzw, together (7,)."""
+        self.bullet.resetBasePositionAndOrientation(cup, pose[:3].tolist(), pose[3:].tolist())
 
-    def pose(self, joints: FloatArray, fingers: FloatArray) -> None:
+    def show(self, joints: FloatArray, fingers: FloatArray) -> None:
         """Pose the arm: joints (n,) [rad], and each finger (m,) [m]."""
-        self._arm.pose(joints)
-        for (joint, _), place in zip(self._arm.model.fingers, fingers.tolist(), strict=False):
-            self._arm.bullet.resetJointState(self._arm.body, joint, place, physicsClientId=self._arm.client)
+        self.pose(joints)
+        for (joint, _), place in zip(self.model.fingers, fingers.tolist(), strict=False):
+            self.bullet.resetJointState(self.body, joint, place)
 
     def arm_extent(self) -> FloatArray:
         """Return points (m, 3) around the arm as it is posed."""
-        links = np.vstack([self._arm.links(), np.zeros(3)])
+        links = np.vstack([self.links(), np.zeros(3)])
         return np.vstack([links - ARM_RADIUS, links + ARM_RADIUS])
 
-    def seen_by(self, camera: Camera) -> View:
-        """Return the picture of all this."""
-        return camera.render(self._arm)
+    def _add_box(self, box: Box, colour: Tint) -> int:
+        half, middle = 0.5 * (box.upper - box.lower), 0.5 * (box.lower + box.upper)
+        return self._add(self.bullet.GEOM_BOX, colour, middle.tolist(), {"halfExtents": half.tolist()})
 
-    def _box(self, lower: FloatArray, upper: FloatArray, colour: tuple[float, float, float, float]) -> int:
-        bullet, client = self._arm.bullet, self._arm.client
-        shape = bullet.createVisualShape(
-            bullet.GEOM_BOX,
-            halfExtents=(0.5 * (upper - lower)).tolist(),
-            rgbaColor=colour,
-            specularColor=(0, 0, 0),
-            physicsClientId=client,
-        )
-        middle = (0.5 * (lower + upper)).tolist()
-        return int(bullet.createMultiBody(0, -1, shape, middle, physicsClientId=client))
+    def _add(self, kind: int, colour: Tint, place: Sequence[float], geometry: dict[str, Any]) -> int:
+        dull = (0, 0, 0)
+        shape = self.bullet.createVisualShape(kind, rgbaColor=colour, specularColor=dull, **geometry)
+        return int(self.bullet.createMultiBody(0, -1, shape, place))
 
 
 def _corners(box: Box) -> FloatArray:

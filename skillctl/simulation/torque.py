@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.arm import COMMANDED_SHARE, ArmBody, LiveArm, Tracking
 from skillctl.simulation.ik import Kinematics
 
 TORQUE_PERIOD = 1e-3  # [s], of the fastest real arm controllers
 DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks for
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
-COMMANDED_SHARE = 0.95  # of the largest joint velocity
 # Of J Jᵀ. An arm below it counts as stretched: it is asked for no infinite velocity, and its posture helps
 # it out. With a third of it an xArm6 pushed by 80 N stays folded over; with three times as much the posture
 # moves a resting hand by some mm.
@@ -38,9 +37,11 @@ class TorqueArm(LiveArm):
         step is ours.
     """
 
+    period = TORQUE_PERIOD
+
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
         """Args: body, moved by nobody else; joints: its start, (n,), [rad]; kinematics, of the hand."""
-        super().__init__(body, joints, TORQUE_PERIOD)
+        super().__init__(body, joints)
         bullet, model = body.bullet, body.model
         self._kinematics = kinematics
         self._posture = kinematics.home
@@ -51,21 +52,23 @@ class TorqueArm(LiveArm):
         places = dict([*zip(model.indices, joints.tolist(), strict=True), *model.others])
         self._places = np.array([places[joint] for joint in sorted(places)])  # of all movable joints
         self._zeros = [0.0] * len(places)
-        inertial = bullet.getLinkState(body.body, model.tip, physicsClientId=body.client)[2:4]
+        self._limits = np.array(model.max_torque)
+        inertial = bullet.getLinkState(body.body, model.tip)[2:4]
         self._tip = bullet.invertTransform(*inertial)[0]  # Bullet counts from the link's centre of mass
         for joint in model.indices:
             # Real arms compensate the friction of their joints; Bullet's, being explicit, shakes light ones.
-            bullet.changeDynamics(body.body, joint, jointDamping=0.0, physicsClientId=body.client)
+            bullet.changeDynamics(body.body, joint, jointDamping=0.0)
         bullet.setJointMotorControlArray(  # a joint brakes until it is told not to
-            body.body,
-            self._indices,
-            bullet.VELOCITY_CONTROL,
-            forces=[0.0] * model.n_joints,
-            physicsClientId=body.client,
+            body.body, body.indices, bullet.VELOCITY_CONTROL, forces=[0.0] * model.n_joints
         )
 
-    def drive(self, velocity: FloatArray) -> float:
-        """Let the hand move with ``velocity`` (3,) [m/s] for one period; return the share joints allow."""
+    @property
+    def tracking(self) -> Tracking:
+        """There is no reference: the hand is where it should be by definition."""
+        return Tracking(self.state().hand)
+
+    def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
+        """Let one period pass, in which the hand shall move so: see ``LiveArm``."""
         state = self.state()
         self._places[self._columns] = state.joints
         jacobian = self._jacobian()
@@ -74,7 +77,7 @@ class TorqueArm(LiveArm):
         square = jacobian @ jacobian.T
         regular = square @ square + SINGULARITY**2 * np.eye(self._rows)
         inverse = np.linalg.solve(regular, square @ jacobian).T  # of J, damped where it is nearly singular
-        fastest = float((np.abs(inverse @ asked) / self.body.model.max_velocity).max())
+        fastest = float((np.abs(inverse @ asked) / self._fastest).max())
         share = min(1.0, COMMANDED_SHARE / fastest) if fastest > 0 else 1.0
         wrench = self._damping * share * asked
         if self._rows == 6:
@@ -83,7 +86,7 @@ class TorqueArm(LiveArm):
         spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
         stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
         damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
-        self._apply(self._implicit(spring, stiffness, damping))
+        self._apply(self._implicit(spring, stiffness, damping), push)
         return share
 
     def _implicit(self, spring: FloatArray, stiffness: FloatArray, damping: FloatArray) -> FloatArray:
@@ -92,34 +95,23 @@ class TorqueArm(LiveArm):
         M (q̇₁ − q̇) / Δt = s − (Δt K + C) q̇₁ is solved for q̇₁; the torques are what stands on its right.
         """
         body, period, velocities = self.body, self.period, self.state().velocities
-        masses = np.array(
-            body.bullet.calculateMassMatrix(body.body, self._places.tolist(), physicsClientId=body.client)
-        )[np.ix_(self._columns, self._columns)]
+        every = np.array(body.bullet.calculateMassMatrix(body.body, self._places.tolist()))
+        masses = every[np.ix_(self._columns, self._columns)]
         resistance = damping + period * stiffness
         ahead = np.linalg.solve(masses + period * resistance, masses @ velocities + period * spring)
         return np.asarray(spring - resistance @ ahead)
 
-    def _apply(self, torques: FloatArray) -> None:
+    def _apply(self, torques: FloatArray, push: FloatArray | None) -> None:
         """Drive the joints with these torques (n,) and those that carry the arm, within the limits."""
-        body, limits = self.body, self.body.model.max_torque
+        body, bullet = self.body.body, self.body.bullet
         velocities = np.zeros(len(self._places))
         velocities[self._columns] = self.state().velocities
-        own = body.bullet.calculateInverseDynamics(
-            body.body,
-            self._places.tolist(),
-            velocities.tolist(),
-            self._zeros,
-            physicsClientId=body.client,
+        own = bullet.calculateInverseDynamics(body, self._places.tolist(), velocities.tolist(), self._zeros)
+        limited = np.clip(torques + np.array(own)[self._columns], -self._limits, self._limits)
+        bullet.setJointMotorControlArray(
+            body, self.body.indices, bullet.TORQUE_CONTROL, forces=limited.tolist()
         )
-        limited = np.clip(torques + np.array(own)[self._columns], -limits, limits)
-        body.bullet.setJointMotorControlArray(
-            body.body,
-            self._indices,
-            body.bullet.TORQUE_CONTROL,
-            forces=limited.tolist(),
-            physicsClientId=body.client,
-        )
-        self.step(limited)
+        self._step(push, limited)
 
     def _jacobian(self) -> FloatArray:
         """Return the hand's Jacobian (6, n), or (3, n) if its orientation does not matter."""
@@ -130,7 +122,6 @@ class TorqueArm(LiveArm):
             self._places.tolist(),
             self._zeros,
             self._zeros,
-            physicsClientId=self.body.client,
         )
         return np.array((linear + angular)[: self._rows])[:, self._columns]
 

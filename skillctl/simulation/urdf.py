@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
 from skillctl.simulation import probe
-from skillctl.simulation.arm import ARMS, ArmBody, ArmModel
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ARMS, Angles, ArmModel
 from skillctl.simulation.bullet import load_bullet, silenced
 from skillctl.workers.child import Child, ChildDiedError
 from skillctl.workers.limits import Limits
@@ -71,17 +71,19 @@ def _read(path: Path, _: int, tip: str | None, home: tuple[float, ...] | None) -
     last = _default_tip(joints) if tip is None else _named_link(path, joints, tip)
     chain = _chain(joints, last)
     _require_arm(path, joints, chain, last)
-    ranges = np.array([_range(joint) for joint in chain])
+    lower, upper = zip(*map(_range, chain), strict=True)
+    ready = [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)]
     model = ArmModel(
         name=path.name,
+        title=path.name,
         urdf=str(path),
         indices=tuple(joint["index"] for joint in chain),
         tip=last,
-        lower=ranges[:, 0],
-        upper=ranges[:, 1],
-        max_velocity=np.array([joint["velocity"] for joint in chain]),
-        max_torque=np.array([joint["torque"] for joint in chain]),
-        home=ranges.mean(axis=1) if home is None else _checked(home, chain, ranges),
+        lower=lower,
+        upper=upper,
+        max_velocity=tuple(joint["velocity"] for joint in chain),
+        max_torque=tuple(joint["torque"] for joint in chain),
+        home=tuple(ready) if home is None else _checked(home, chain),
         pitch_joint=None,
         finger_axis=-1,
         fingers=(),
@@ -184,16 +186,17 @@ def _range(joint: Joint) -> tuple[float, float]:
     return joint["lower"], joint["upper"]
 
 
-def _checked(home: tuple[float, ...], chain: list[Joint], ranges: FloatArray) -> FloatArray:
+def _checked(home: Angles, chain: list[Joint]) -> Angles:
     if len(home) != len(chain):
         names = ", ".join(joint["name"] for joint in chain)
         raise UsageError(f"home: expected {len(chain)} numbers ({names}), got {len(home)}.")
-    for joint, angle, (lower, upper) in zip(chain, home, ranges.tolist(), strict=True):
+    for joint, angle in zip(chain, home, strict=True):
+        lower, upper = _range(joint)
         if not lower <= angle <= upper:
             raise UsageError(
                 f"home: joint {joint['name']} can be between {lower:g} and {upper:g}, not {angle:g}."
             )
-    return np.array(home)
+    return home
 
 
 def _reach_centre(model: ArmModel) -> tuple[float, float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -15,8 +15,7 @@ from skillctl.errors import NotFoundError, UsageError
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.frame import Scenery
-from skillctl.simulation.picture import caption, draw_caption
+from skillctl.simulation.picture import Scenery
 
 SIZE = (480, 416)  # multiples of 16: the blocks that video is coded in
 SHARPNESS = 1.25  # a film has many frames
@@ -61,19 +60,12 @@ def encode_video(episode: Episode, kind: str, *, progress: Progress | None = Non
     rows = [min(round(i * stride), count - 1) for i in range(math.ceil((count - 1) / stride) + 1)]
     framed = np.linspace(0, count - 1, FRAMING, dtype=int)
     with silenced(1), Scenery(episode, framed, SIZE, SHARPNESS) as scenery:
-        frames = list(_frames(episode, scenery, rows, progress))
+        frames = []
+        for row in rows:
+            frames.append(scenery.picture(row))
+            if progress is not None:
+                progress(len(frames), len(rows))
     return _gif(frames, rate) if kind == "gif" else _mp4(frames, rate)
-
-
-def _frames(
-    episode: Episode, scenery: Scenery, rows: Sequence[int], progress: Progress | None
-) -> Iterator[Image.Image]:
-    for i, row in enumerate(rows):
-        frame = scenery.picture(row)
-        draw_caption(frame, caption(episode, row))
-        yield frame
-        if progress is not None:
-            progress(i + 1, len(rows))
 
 
 def _gif(frames: Sequence[Image.Image], rate: Fraction) -> bytes:

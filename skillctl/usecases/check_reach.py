@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.simulation.check import Reachability, check
+from skillctl.simulation.draws import chosen
 from skillctl.simulation.scenario import Scenario
 from skillctl.store import Lock
 from skillctl.store.source import open_skill
-from skillctl.usecases.drawing import chosen
 
 
 @dataclass(frozen=True)
@@ -50,5 +50,6 @@ def check_reach(
         UsageError: A start, target or placement that makes no sense for this skill.
     """
     source = open_skill(reference, store, lock)
-    scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
+    taught = source.artifact.demonstrations
+    scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
     return CheckReachReport(source.name, source.artifact.digest, check(source.skill, scenario))

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skillctl.errors import StoreError
-from skillctl.model.combined import CombinedSkill
-from skillctl.model.merged import MergedSkill
 from skillctl.model.skill import Skill, retargeted
 from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import draw_fit
@@ -68,7 +66,7 @@ def picture_family(
         UsageError, StoreError: See ``picture_skill``.
     """
     require_picture(path)
-    word = "prior" if isinstance(child.skill, CombinedSkill) else "weight"
+    word = "prior" if child.skill.kind == "combined" else "weight"
     members = [
         (_portrait(parent.name, parent.artifact), f"{word} {share:.3g}")
         for parent, share in zip(parents, shares, strict=True)
@@ -141,10 +139,10 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
 
 def kind_of(skill: Skill) -> str:
     """Return what kind of skill it is, in words."""
-    if isinstance(skill, CombinedSkill):
-        ends = "one target" if skill.aligned else f"{len(skill.parts)} targets"
+    if skill.kind == "combined":
+        ends = "one target" if len(skill.attractors) == 1 else f"{len(skill.parts)} targets"
         return f"combined, {skill.gate}, {ends}"
-    if isinstance(skill, MergedSkill):
+    if skill.kind == "merged":
         return f"merged, {skill.gate}"
     return f"learned, {skill.n_components} components"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 from skillctl.errors import require_directory
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.draws import chosen
 from skillctl.simulation.episode import Episode, Metrics, Outcome
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
@@ -19,7 +21,6 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_most
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
-from skillctl.usecases.drawing import chosen
 
 
 @dataclass(frozen=True)
@@ -98,50 +99,41 @@ def simulate(
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store, lock)
-    scenario = chosen(source, scenario or Scenario(), demo=demo, episode=episode)
-    require_directories(log, picture, video)
-    log_kind = None if log is None else log_format(log.name)
-    kind = None if video is None else _film_format(video)
-    result = run_episode(
-        source.skill,
-        scenario,
-        progress=None
-        if progress is None
-        else lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end)),
-        gui=gui,
-    )
-    if log is not None and log_kind is not None:
-        write_file(log, encode_log(result, log_kind))
-    _draw(result, source.name, picture, video, kind, progress)
-    return _report(source, result, log, picture, video)
-
-
-def _draw(
-    episode: Episode,
-    title: str,
-    picture: Path | None,
-    video: Path | None,
-    kind: str | None,
-    progress: Progress | None,
-) -> None:
-    """Write the contact sheet and the film that are wanted; ``kind`` is the film's format."""
+    taught = source.artifact.demonstrations
+    scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
+    _require_writable(log, picture, video)
+    result = run_episode(source.skill, scenario, progress=_in_milliseconds(progress), gui=gui)
+    if log is not None:
+        write_file(log, encode_log(result, log_format(log.name)))
     if picture is not None:
         from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
 
         if progress is not None:
             progress("drawing", 0, 1)
-        write_file(picture, encode_picture(episode, title=title))
-    if video is not None and kind is not None:
-        from skillctl.simulation.video import encode_video
+        write_file(picture, encode_picture(result, title=source.name))
+    if video is not None:
+        from skillctl.simulation.video import encode_video, film_format
 
         drawn = None if progress is None else partial(progress, "filming")
-        write_file(video, encode_video(episode, kind, progress=drawn))
+        write_file(video, encode_video(result, film_format(video.name), progress=drawn))
+    return _report(source, result, log, picture, video)
 
 
-def _film_format(video: Path) -> str:
-    from skillctl.simulation.video import film_format
+def _require_writable(log: Path | None, picture: Path | None, video: Path | None) -> None:
+    """Refuse files that could not be written, before anything is run for them."""
+    require_directories(log, picture, video)
+    if log is not None:
+        log_format(log.name)
+    if video is not None:
+        from skillctl.simulation.video import film_format
 
-    return film_format(video.name)
+        film_format(video.name)
+
+
+def _in_milliseconds(progress: Progress | None) -> Callable[[float, float], None] | None:
+    if progress is None:
+        return None
+    return lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end))
 
 
 def _report(

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Literal
 
 from skillctl.errors import UsageError
-from skillctl.model.combined import CombinedSkill
 from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
+from skillctl.simulation.draws import batch_of
 from skillctl.simulation.scenario import Sampling, Scenario
 from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
-from skillctl.usecases.drawing import batch_of
 from skillctl.usecases.simulate import proof_notes, require_directories
 from skillctl.workers import Workers
 
@@ -121,7 +120,7 @@ def simulate_many(
     require_directories(table, overview)
     load_bullet()  # if it is missing, that is said before any process is started
     began = time.perf_counter()
-    batch, starts = batch_of(source, scenario)
+    batch, starts = batch_of(source.skill, source.artifact.demonstrations, scenario)
     said = None if progress is None else partial(_say, progress, began)
     rows = run_batch(source.skill, batch, starts, workers=workers, progress=said)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
@@ -146,7 +145,7 @@ def _encode_overview(
     report: SimulateManyReport,
     colour_by: Literal["outcome", "part"] | None,
 ) -> bytes:
-    from skillctl.simulation.overview import encode_overview  # late: only pictures need Pillow
+    from skillctl.simulation.picture import encode_overview  # late: only pictures need Pillow
 
     low, high = report.interval
     return encode_overview(
@@ -215,9 +214,9 @@ def _parts(source: Source, rows: tuple[Row, ...]) -> tuple[PartTally, ...]:
 
 def _part_names(source: Source) -> tuple[str, ...]:
     """Return the names of the parts of a combined skill, none for any other."""
-    if not isinstance(source.skill, CombinedSkill):
+    count, parents = len(source.skill.acting_parts), source.artifact.provenance.parents
+    if count == 1:
         return ()
-    count, parents = len(source.skill.parts), source.artifact.provenance.parents
     if len(parents) != count:  # a combined skill among the parents was taken apart
         return tuple(f"part {number}" for number in range(1, count + 1))
     return tuple(parent.name for parent in parents)

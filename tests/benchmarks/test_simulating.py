@@ -18,7 +18,8 @@ from skillctl.demonstrations.reaching import reaching_demonstrations
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario, Shelf
 
@@ -33,10 +34,10 @@ def reach() -> SedsSkill:
 def steps(arm: str, count: int) -> float:
     """Let Bullet alone step an arm; return the CPU time, [s]."""
     with ArmBody(ARMS[arm], 0.0, shapes="collision") as body:
-        body.bullet.setTimeStep(CONTROL_PERIOD, physicsClientId=body.client)
+        body.bullet.setTimeStep(CONTROL_PERIOD)
         began = time.process_time()
         for _ in range(count):
-            body.bullet.stepSimulation(physicsClientId=body.client)
+            body.bullet.stepSimulation()
         return time.process_time() - began
 
 

@@ -13,7 +13,7 @@ from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.recording import Unit
 from skillctl.learning.options import METRICS, OBJECTIVES, PRESETS
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.scenario import CONTROLS, HANDS, PLANES, SCENES
 from skillctl.usecases.verify_stability import Requirements
 

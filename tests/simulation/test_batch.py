@@ -15,7 +15,7 @@ from PIL import Image
 from skillctl.errors import GoalNotReachedError, UsageError
 from skillctl.model.seds import SedsSkill
 from skillctl.simulation.batch import BATCH_OUTCOMES, Row, run_batch, run_row
-from skillctl.simulation.overview import FAILURE, PARTS, SUCCESS, encode_overview
+from skillctl.simulation.picture import FAILURE, PARTS, SUCCESS, encode_overview
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.tally import encode_rows, failures, medians
@@ -129,3 +129,25 @@ def test_an_overview_shows_what_came_of_it(rows: tuple[Row, ...]) -> None:
 def test_an_overview_of_nothing_is_refused(rows: tuple[Row, ...]) -> None:
     with pytest.raises(GoalNotReachedError, match="no episode could begin"):
         encode_overview([row for row in rows if row.trace is None], title="", verdict="")
+
+
+def test_an_overview_has_a_cup_of_each_episode_in_a_paler_colour(skill: SedsSkill) -> None:
+    shelf = {"scene": {"kind": "shelf"}, "target": "cup", "start": (0.44, 0.0, 0.76), "max_duration": 0.02}
+    batch = Scenario(seed=3, episodes=2, sampling={"cup_y_range": (-0.05, 0.05)}, **shelf)
+    rows = [run_row(skill, batch, STARTS, index) for index in range(2)]
+    assert [row.outcome for row in rows] == ["timeout", "timeout"]
+    pixels = np.asarray(Image.open(io.BytesIO(encode_overview(rows, title="", verdict=""))).convert("RGB"))
+    red, green, blue = pixels.astype(int).transpose(2, 0, 1)
+    # 1 − 0.6 (1 − c) of the failures' (206, 44, 32): where light falls as where it does not, red leads so.
+    pink = (red - green > 60) & (np.abs(green - blue) < 12) & (red > 120)
+    assert pink.sum() > 400  # each cup is some 20 pixels wide and 40 high
+
+
+def test_progress_counts_episodes_and_successes(skill: SedsSkill, scenario: Scenario) -> None:
+    told: list[tuple[int, int, int]] = []
+    rows = run_batch(
+        skill, scenario.changed(episodes=2), STARTS, progress=lambda *report: told.append(report)
+    )
+    assert told[0] == (0, 2, 0)
+    assert [report[:2] for report in told[1:]] == [(1, 2), (2, 2)]
+    assert told[-1][2] == sum(row.success for row in rows)

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from skillctl.errors import NotFoundError
-from skillctl.simulation.bullet import load_bullet, silenced
+from skillctl.simulation.bullet import World, load_bullet, silenced
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 
@@ -69,7 +69,7 @@ def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -
 import ctypes
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
-from skillctl.simulation.bullet import load_bullet, silenced
+from skillctl.simulation.bullet import World, load_bullet, silenced
 from tests_skill import skill
 print("first", flush=True)
 simulate(skill, Scenario(max_duration=0.1))
@@ -106,3 +106,14 @@ sys.modules["tests_skill"] = module
     )
     assert done.stdout == "first\nlast\n"
     assert done.stderr == ""
+
+
+def test_worlds_do_not_know_each_other() -> None:
+    pytest.importorskip("pybullet")
+    one, other = World(), World()
+    one.createMultiBody(0)
+    assert (one.getNumBodies(), other.getNumBodies()) == (1, 0)
+    assert one.DIRECT == other.DIRECT
+    one.disconnect()
+    assert other.getNumBodies() == 0
+    other.disconnect()

@@ -9,7 +9,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.errors import UsageError
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.check import check
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario

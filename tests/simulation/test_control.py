@@ -7,13 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skillctl.simulation.arm import CONTROL_PERIOD
-from skillctl.simulation.control import Follower
-from skillctl.simulation.driver import Driver
+from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.ik import Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.placement import Placement
+from skillctl.simulation.position import Follower
 from skillctl.simulation.scenario import MoveTarget, Scenario
 
 FORWARD = np.array([0.24, 0.0, 0.0])  # [m/s]: 1 mm per period
@@ -42,23 +41,23 @@ def follower() -> Follower:
 
 def test_reference_and_joints_move_on_together(follower: Follower) -> None:
     for _ in range(10):
-        assert follower.advance(FORWARD, follower.reference) == 1
-    assert follower.reference == pytest.approx(10 * STEP, abs=16 * EPS)
-    assert (follower.joints == follower.reference).all()
+        assert follower.advance(FORWARD, follower.tracking.reference) == 1
+    assert follower.tracking.reference == pytest.approx(10 * STEP, abs=16 * EPS)
+    assert (follower.joints == follower.tracking.reference).all()
 
 
 def test_joints_at_their_limit_slow_the_reference_down(follower: Follower) -> None:
     share = follower.advance(10 * FORWARD, np.zeros(3))  # 2.4 m/s
     assert share == pytest.approx(0.95 / 2.4, rel=4 * EPS)
-    assert (follower.joints == follower.reference).all()
+    assert (follower.joints == follower.tracking.reference).all()
     assert follower.joints[0] == pytest.approx(0.95 * CONTROL_PERIOD, rel=4 * EPS)
 
 
 def test_over_a_gap_the_arm_waits_and_then_catches_up(follower: Follower) -> None:
     refusals, stops = [], []
     for _ in range(16):
-        follower.advance(FORWARD, follower.reference)
-        refusals.append(follower.refusals)
+        follower.advance(FORWARD, follower.tracking.reference)
+        refusals.append(follower.tracking.refusals)
         stops.append(follower.joints[0])
     assert refusals == [0] * 10 + [1, 2, 3, 4] + [0, 0]
     assert stops[9:14] == [stops[9]] * 5
@@ -68,18 +67,18 @@ def test_over_a_gap_the_arm_waits_and_then_catches_up(follower: Follower) -> Non
 
 def test_a_joint_at_its_limit_is_remembered(follower: Follower) -> None:
     follower.advance(np.array([0.012, 0.0, 0.0]) / CONTROL_PERIOD, np.zeros(3))
-    assert (follower.refusals, follower.at_limit) == (1, None)  # blocked, and no limit near
+    assert (follower.tracking.refusals, follower.tracking.at_limit) == (1, None)  # blocked, and no limit near
     follower.restart(np.array([0.010, 1.0, 0.0]))
-    assert follower.refusals == 0
-    follower.advance(FORWARD, follower.reference)
-    assert (follower.refusals, follower.at_limit) == (1, 1)
+    assert follower.tracking.refusals == 0
+    follower.advance(FORWARD, follower.tracking.reference)
+    assert (follower.tracking.refusals, follower.tracking.at_limit) == (1, 1)
 
 
 def test_the_reference_yields_to_a_hand_that_was_pushed(follower: Follower) -> None:
     follower.advance(FORWARD, np.array([0.0, 0.009, 0.0]))
-    assert follower.reference[1] == 0  # less than 10 mm: not a push
-    follower.advance(FORWARD, np.array([follower.reference[0], 0.02, 0.0]))
-    assert follower.reference[1] == pytest.approx(3.0 * 0.02 * CONTROL_PERIOD, rel=4 * EPS)
+    assert follower.tracking.reference[1] == 0  # less than 10 mm: not a push
+    follower.advance(FORWARD, np.array([follower.tracking.reference[0], 0.02, 0.0]))
+    assert follower.tracking.reference[1] == pytest.approx(3.0 * 0.02 * CONTROL_PERIOD, rel=4 * EPS)
 
 
 @pytest.fixture
@@ -98,9 +97,8 @@ NEAR, FAR = np.array([0.0, 0.0019, 0.0]), np.array([0.0, 0.0021, 0.0])
 REST = np.zeros(3)
 
 
-def driver(refusals: int = 0, at_limit: int | None = None) -> Driver:
-    """A driver that says so."""
-    return SimpleNamespace(refusals=refusals, at_limit=at_limit, reference=FAR)  # type: ignore[return-value]
+def tracking(refusals: int = 0, at_limit: int | None = None) -> Tracking:
+    return Tracking(FAR, refusals=refusals, at_limit=at_limit)
 
 
 def test_passing_through_the_target_is_not_reaching_it(judge: Judge, motion: Motion) -> None:
@@ -109,12 +107,12 @@ def test_passing_through_the_target_is_not_reaching_it(judge: Judge, motion: Mot
 
 
 def test_a_quarter_of_a_second_without_joints_ends_the_episode(judge: Judge, motion: Motion) -> None:
-    assert judge.failure(motion, FAR, REST, driver(59)) is None
-    assert outcome(judge.failure(motion, FAR, REST, driver(60))) == "unreachable"
+    assert judge.failure(motion, FAR, REST, tracking(59)) is None
+    assert outcome(judge.failure(motion, FAR, REST, tracking(60))) == "unreachable"
 
 
 def test_a_limit_in_the_way_is_named(judge: Judge, motion: Motion) -> None:
-    verdict = judge.failure(motion, FAR, REST, driver(60, at_limit=3))
+    verdict = judge.failure(motion, FAR, REST, tracking(60, at_limit=3))
     assert verdict is not None
     assert verdict.outcome == "joint_limit"
     assert "joint 4" in verdict.detail
@@ -122,8 +120,8 @@ def test_a_limit_in_the_way_is_named(judge: Judge, motion: Motion) -> None:
 
 def test_leaving_the_plan_far_behind_is_diverging(judge: Judge, motion: Motion) -> None:
     limit = 1.5 * 0.4 + 0.05
-    assert judge.failure(motion, np.array([0.99 * limit, 0.0, 0.0]), REST, driver()) is None
-    assert outcome(judge.failure(motion, np.array([1.01 * limit, 0.0, 0.0]), REST, driver())) == "diverged"
+    assert judge.failure(motion, np.array([0.99 * limit, 0.0, 0.0]), REST, tracking()) is None
+    assert outcome(judge.failure(motion, np.array([1.01 * limit, 0.0, 0.0]), REST, tracking())) == "diverged"
 
 
 def test_a_target_that_jumps_may_be_farther_away(motion: Motion) -> None:
@@ -135,7 +133,7 @@ def test_a_target_that_jumps_may_be_farther_away(motion: Motion) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_velocity_that_is_no_number_is_diverging(judge: Judge, motion: Motion, bad: float) -> None:
-    assert outcome(judge.failure(motion, FAR, np.array([0.0, bad, 0.0]), driver())) == "diverged"
+    assert outcome(judge.failure(motion, FAR, np.array([0.0, bad, 0.0]), tracking())) == "diverged"
 
 
 def outcome(verdict: Verdict | None) -> str | None:

@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 pytest.importorskip("pydantic")
 
 from skillctl.errors import UsageError
-from skillctl.simulation.draws import drawn, with_defaults
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.seds import SedsSkill
+from skillctl.simulation.draws import Taught, batch_of, chosen, drawn, with_defaults
 from skillctl.simulation.scenario import Cup, Sampling, Scenario, Shelf
 
 STARTS = np.array([[0.4, -0.2, 0.5], [0.4, 0.3, 0.6]])
@@ -64,11 +68,11 @@ def test_starts_lie_around_those_of_the_demonstrations() -> None:
     first = starts[:, 1] < 0.05
     # Either demonstration with probability ½: the share has the standard deviation 1/(2 √n).
     assert first.mean() == pytest.approx(0.5, abs=5 / (2 * np.sqrt(MANY)))
-    for chosen, start in ((first, STARTS[0]), (~first, STARTS[1])):
+    for picked, start in ((first, STARTS[0]), (~first, STARTS[1])):
         # Five standard deviations of a mean and of a standard deviation.
-        n = chosen.sum()
-        np.testing.assert_allclose(starts[chosen].mean(axis=0), start, atol=5 * 0.02 / np.sqrt(n))
-        np.testing.assert_allclose(starts[chosen].std(axis=0), 0.02, atol=5 * 0.02 / np.sqrt(2 * n))
+        n = picked.sum()
+        np.testing.assert_allclose(starts[picked].mean(axis=0), start, atol=5 * 0.02 / np.sqrt(n))
+        np.testing.assert_allclose(starts[picked].std(axis=0), 0.02, atol=5 * 0.02 / np.sqrt(2 * n))
 
 
 def test_a_box_of_starts_is_filled() -> None:
@@ -86,9 +90,9 @@ def test_scatter_needs_demonstrations() -> None:
 
 
 def test_what_is_not_given_is_drawn_by_default() -> None:
-    chosen = with_defaults(Scenario(scene=Shelf(), target="cup"), STARTS, 0.4).sampling
-    assert (chosen.cup_x_range, chosen.cup_y_range) == ((0.55, 0.68), (-0.42, 0.42))
-    assert chosen.start_scatter == 0.02
+    sampling = with_defaults(Scenario(scene=Shelf(), target="cup"), STARTS, 0.4).sampling
+    assert (sampling.cup_x_range, sampling.cup_y_range) == ((0.55, 0.68), (-0.42, 0.42))
+    assert sampling.start_scatter == 0.02
 
 
 def test_what_is_given_is_not_drawn() -> None:
@@ -154,3 +158,55 @@ def test_a_board_is_drawn_from_those_named_each_as_likely_as_the_next() -> None:
     only = drawn(shelf(cup_y_range=(-0.4, 0.4), boards=("bottom",)), 3, NONE).cup
     assert only is not None
     assert only.board == "bottom"
+
+
+TARGET = (0.5, 0.0, 0.5)
+
+
+@pytest.fixture
+def skill(linear: Callable[..., SedsSkill]) -> SedsSkill:
+    return linear(TARGET)
+
+
+@pytest.fixture
+def taught(skill: SedsSkill) -> Taught:
+    """Two demonstrations of one leaf, 0.25 and 0.125 m long, and a leaf that carries none."""
+    times = np.linspace(0.0, 1.0, 5)
+    ways = [np.linspace(start, TARGET, 5) for start in ((0.25, 0.0, 0.5), (0.5, 0.125, 0.5))]
+    shown = [Demonstration.from_positions(times, way, "one.csv") for way in ways]
+    return [None, DemonstrationSet(tuple(shown), skill.space)]
+
+
+def test_a_run_begins_where_a_demonstration_did(skill: SedsSkill, taught: Taught) -> None:
+    run = chosen(skill, taught, Scenario(), demo=1, episode=None)
+    assert run.start == (0.5, 0.125, 0.5)
+    moved = Scenario(target=(0.75, 0.0, 1.0))
+    assert chosen(skill, taught, moved, demo=1, episode=None).start == (0.75, 0.125, 1.0)
+    cup = Scenario(scene=Shelf(), target="cup")  # which moves no start
+    assert chosen(skill, taught, cup, demo=0, episode=None).start == (0.25, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("demo", [-1, 2])
+def test_a_demonstration_that_does_not_exist_is_told(skill: SedsSkill, taught: Taught, demo: int) -> None:
+    with pytest.raises(UsageError, match=f"demonstration {demo} does not exist; the skill carries 2"):
+        chosen(skill, taught, Scenario(), demo=demo, episode=None)
+
+
+def test_two_starts_are_one_too_many(skill: SedsSkill, taught: Taught) -> None:
+    with pytest.raises(UsageError, match="given twice, by --start and by --demo"):
+        chosen(skill, taught, Scenario(start=TARGET), demo=0, episode=None)
+
+
+def test_an_episode_is_drawn_from_what_was_taught(skill: SedsSkill, taught: Taught) -> None:
+    batch, starts = batch_of(skill, taught, Scenario(seed=5))
+    assert starts.tolist() == [[0.25, 0.0, 0.5], [0.5, 0.125, 0.5]]
+    assert batch.sampling.start_scatter == 0.01  # a tenth of the shortest way, to one digit
+    assert chosen(skill, taught, Scenario(seed=5), demo=None, episode=3) == drawn(batch, 3, starts)
+    assert chosen(skill, taught, Scenario(seed=5), demo=None, episode=None) == Scenario(seed=5)
+    with pytest.raises(UsageError, match="counted from 0, got -1"):
+        chosen(skill, taught, Scenario(), demo=None, episode=-1)
+
+
+def test_a_skill_without_demonstrations_has_no_starts(skill: SedsSkill) -> None:
+    batch, starts = batch_of(skill, [None], Scenario())
+    assert (batch, starts.shape) == (Scenario(), (0, 3))

@@ -13,7 +13,9 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.seds import SedsSkill
+from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.episode import PHASES, Episode, RefusedError
+from skillctl.simulation.picture import _caption, _verdict
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
@@ -138,6 +140,26 @@ def test_a_hand_that_is_taken_away_comes_back(linear: MakeLinear) -> None:
     # Inverse kinematics is exact to 0.1 mm; in the row itself the hand has moved on for no time.
     assert jump.max() == pytest.approx(np.hypot(0.08, 0.05), abs=2e-3)
     assert episode.outcome == "reached"
+
+
+def test_a_hand_cannot_be_taken_out_of_reach(linear: MakeLinear) -> None:
+    away = {"kind": "displace", "time": 0.1, "offset": (2.0, 0.0, 0.0)}
+    episode = simulate(
+        linear((0.55, 0.0, 0.5)),
+        Scenario(start=(0.45, 0.0, 0.5), disturbances=(away,)),  # type: ignore[arg-type]
+    )
+    assert episode.outcome == "unreachable"
+    assert re.fullmatch(r"no joints put the displaced hand at \(2\.\d\d, .*\) m", episode.detail)
+    assert episode.metrics.simulated_time == pytest.approx(0.1 - CONTROL_PERIOD, rel=1e-12)  # its last row
+
+
+def test_pictures_say_how_a_grasp_went(grasped: Episode) -> None:
+    rows = [0, np.flatnonzero(grasped.series.phases == PHASES.index("lift"))[0]]
+    first, lifting = (_caption(grasped, row) for row in rows)
+    away = 1e3 * np.linalg.norm(grasped.series.hand[0] - grasped.series.targets[0])
+    assert first == f"0.00 s   {away:.0f} mm to target"
+    assert lifting == f"{grasped.series.times[rows[1]]:.2f} s   lift"
+    assert _verdict(grasped) == f"grasped, lifted and held: {grasped.metrics.simulated_time:.1f} s"
 
 
 def test_a_target_that_is_seen_wrong_is_missed_by_as_much(linear: MakeLinear) -> None:

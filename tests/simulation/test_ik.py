@@ -9,7 +9,8 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ARMS, ArmBody
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import ACCEPTED_JUMP, POSE_ANGLE, POSE_POSITION, Kinematics
 from skillctl.simulation.scenario import HANDS
 

@@ -98,3 +98,19 @@ def test_the_controller_shortens_but_does_not_turn(reach: SedsSkill) -> None:
     assert np.linalg.norm(free) > 0.05
     assert capped == pytest.approx(0.05 * free / np.linalg.norm(free), rel=8 * EPS)
     assert (Controller(reach, CONTROL_PERIOD).step(position, max_speed=1e3) == free).all()
+
+
+@pytest.mark.parametrize(("gate", "ends"), [("latched", [0, 0]), ("instantaneous", [0, 1])])
+def test_the_target_is_the_acting_parts_or_the_nearest(linear: object, gate: str, ends: list[int]) -> None:
+    parts = linear((0.5, 0.3, 0.5)), linear((0.5, -0.3, 0.5))  # type: ignore[operator]
+    motion = Motion(CombinedSkill(parts, np.array([0.5, 0.5]), gate), HERE, Scenario())
+    near_first, near_second = np.array([0.5, 0.2, 0.5]), np.array([0.5, -0.2, 0.5])
+    motion.velocity(near_first)
+    for place, end in zip((near_first, near_second), ends, strict=True):
+        assert (motion.target(place) == parts[end].attractor).all()
+    assert motion.distance_to_goals(near_second) == pytest.approx(0.1, rel=4 * EPS)
+
+
+def test_a_hand_at_its_target_stays_there(linear: object) -> None:
+    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())  # type: ignore[operator]
+    assert (motion.velocity(np.array([0.5, 0.0, 0.5])) == 0).all()

@@ -12,11 +12,11 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.arm import ARMS, ArmBody
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.frame import TARGET, TRAIL
-from skillctl.simulation.picture import TILE, encode_picture
+from skillctl.simulation.picture import TARGET, TILE, TRAIL, encode_picture
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
@@ -112,8 +112,8 @@ def test_the_camera_knows_where_points_are_in_its_picture(ball: np.ndarray) -> N
     """A rendered ball is the witness: Bullet draws it, the camera's own formula has to find it."""
     with ArmBody(ARMS["iiwa"], 0.0) as body:
         bullet = body.bullet
-        shape = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.03, physicsClientId=body.client)
-        number = bullet.createMultiBody(0, -1, shape, ball.tolist(), physicsClientId=body.client)
+        shape = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.03)
+        number = bullet.createMultiBody(0, -1, shape, ball.tolist())
         camera = Camera(np.vstack([body.links(), ball]), np.array([0.7, -1.2, 0.5]), 480, 400)
         view = camera.render(body)
     rows, columns = np.nonzero(view.surface == number)
@@ -139,8 +139,8 @@ def test_what_is_framed_fills_the_picture_up_to_its_margin() -> None:
 def test_points_behind_a_surface_are_hidden(ball: np.ndarray) -> None:
     with ArmBody(ARMS["iiwa"], 0.0) as body:
         bullet = body.bullet
-        shape = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.05, physicsClientId=body.client)
-        bullet.createMultiBody(0, -1, shape, ball.tolist(), physicsClientId=body.client)
+        shape = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.05)
+        bullet.createMultiBody(0, -1, shape, ball.tolist())
         camera = Camera(np.vstack([body.links(), ball]), np.array([0.7, -1.2, 0.5]), 480, 400)
         view = camera.render(body)
     sight = (camera.eye - ball) / np.linalg.norm(camera.eye - ball)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from skillctl.errors import UsageError
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Euclidean
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
 

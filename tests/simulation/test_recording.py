@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.episode import Episode, TimeSeries, measure
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement

@@ -14,8 +14,11 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from skillctl.errors import GoalNotReachedError, UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.arm import ARMS, CONTROL_PERIOD, ArmBody, DrivenArm
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.episode import Episode
+from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.position import PositionArm
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 
@@ -86,10 +89,11 @@ def test_a_hand_faster_than_the_joints_is_slowed_down_on_its_path(arm: str, line
 
 def test_motors_give_no_more_torque_than_the_real_arm() -> None:
     arm = ARMS["panda"]
-    with ArmBody(arm, 0.0) as body:
-        driven = DrivenArm(body, arm.home_joints(0.25))
+    with ArmBody(arm, 0.0, shapes="none") as twin, ArmBody(arm, 0.0) as body:
+        kinematics = Kinematics(twin, "horizontal", 0.0)
+        driven = PositionArm(body, kinematics.home, kinematics)
         joints = driven.state().joints
-        driven.drive(joints, joints + 0.5)  # half a radian in 4 ms
+        driven.turn(joints, joints + 0.5)  # half a radian in 4 ms
         assert np.abs(driven.state().torques) == pytest.approx(arm.max_torque, rel=1e-12)
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.scenario import Scenario
 
 

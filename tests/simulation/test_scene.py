@@ -5,7 +5,8 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ARMS, ArmBody
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.scenario import Scenario, Shelf, Table
 from skillctl.simulation.scene import SceneBodies, boxes, cup_middle
 
@@ -34,15 +35,15 @@ def test_the_cup_has_the_mass_and_inertia_of_a_solid_cylinder_and_stays_where_it
     scenario = Scenario(scene=Shelf(), cup={"mass": 0.3, "radius": 0.03, "height": 0.1, "friction": 0.7})  # type: ignore[arg-type]
     with ArmBody(PANDA, 0.0) as arm:
         scene = SceneBodies(arm, scenario)
-        facts = arm.bullet.getDynamicsInfo(scene.cup, -1, physicsClientId=arm.client)
+        facts = arm.bullet.getDynamicsInfo(scene.cup, -1)
         across = 0.3 * (0.03**2 / 4 + 0.1**2 / 12)
         assert facts[0] == 0.3
         assert facts[1] == 0.7
         assert facts[2] == pytest.approx((across, across, 0.3 * 0.03**2 / 2), rel=1e-6)  # single precision
-        arm.bullet.setGravity(0, 0, -9.81, physicsClientId=arm.client)
+        arm.bullet.setGravity(0, 0, -9.81)
         before = scene.cup_pose()
         for _ in range(480):
-            arm.bullet.stepSimulation(physicsClientId=arm.client)
+            arm.bullet.stepSimulation()
         assert np.linalg.norm(scene.cup_pose()[:3] - before[:3]) < 5e-4
         scene.move_cup(np.array([0.0, 0.05, 0.0]))
         assert scene.cup_pose()[1] == pytest.approx(before[1] + 0.05, abs=5e-4)
@@ -51,8 +52,8 @@ def test_the_cup_has_the_mass_and_inertia_of_a_solid_cylinder_and_stays_where_it
 def test_clearance_is_the_distance_of_the_nearest_parts() -> None:
     """A board above the arm's base, which is a flat-bottomed casting: the way down to it is known."""
     with ArmBody(PANDA, 0.0) as arm:
-        arm.pose(PANDA.home_joints(0.0))
-        lowest = float(arm.bullet.getAABB(arm.body, 8, physicsClientId=arm.client)[0][2])  # the hand's
+        arm.pose(np.array(PANDA.home_joints(0.0)))
+        lowest = float(arm.bullet.getAABB(arm.body, 8)[0][2])  # the hand's
         scene = SceneBodies(arm, Scenario(scene=Table(height=lowest - 0.05, x_range=(0.3, 1.0))))
         # The box around the hand is a little larger than the hand, and the fingers reach below it by nothing.
         assert 0.02 < scene.clearance() < 0.08
@@ -65,7 +66,7 @@ def test_clearance_is_the_distance_of_the_nearest_parts() -> None:
 
 def test_who_touches_what_is_told_by_name() -> None:
     with ArmBody(PANDA, 0.0) as arm:
-        arm.pose(PANDA.home_joints(0.0))
+        arm.pose(np.array(PANDA.home_joints(0.0)))
         hand, _ = arm.hand()
         scene = SceneBodies(arm, Scenario(scene=Table(height=float(hand[2]), x_range=(0.4, 1.0))))
         found = {(contact.link, contact.thing) for contact in scene.contacts_now()}

@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ARMS
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.camera import Camera, blurred_within
-from skillctl.simulation.frame import SCENE_DIRECTION
+from skillctl.simulation.picture import SCENE_DIRECTION
 from skillctl.simulation.scenario import Cup, Shelf, Table
 from skillctl.simulation.scene import boxes
 from skillctl.simulation.stage import Stage, _cup_mesh
@@ -19,11 +19,11 @@ def test_a_cup_is_seen_where_it_is_placed() -> None:
     place = np.array([0.6, -0.2, 0.76])
     with Stage(ARMS["panda"], 0.0, Shelf()) as stage:
         cup = stage.add_cup(Cup())
-        stage.place(cup, np.array([*place, *UPRIGHT]))
+        stage.put(cup, np.array([*place, *UPRIGHT]))
         camera = Camera(
             place + 0.2 * np.array([[-1, -1, -1], [1, 1, 1]]), np.array(SCENE_DIRECTION), 480, 400
         )
-        view = stage.seen_by(camera)
+        view = camera.render(stage)
     rows, columns = np.nonzero(view.surface == cup)
     corners = place + np.array(
         [[0.032 * np.cos(a), 0.032 * np.sin(a), z] for a in np.arange(0, 6.3, 0.05) for z in (-0.06, 0.06)]

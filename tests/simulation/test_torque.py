@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ARMS, ArmBody, ArmState, DrivenArm
-from skillctl.simulation.control import Follower
-from skillctl.simulation.driver import Driver, PositionDriver, TorqueDriver
+from skillctl.simulation.arm import ArmBody, ArmState, LiveArm
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.position import PositionArm
 from skillctl.simulation.torque import TorqueArm
 
 RATE, CAP = 2.5, 0.3  # of the straight motion to the target: [1/s], [m/s]
@@ -40,23 +40,23 @@ def straight(hand: np.ndarray, target: np.ndarray) -> np.ndarray:
     return velocity * min(1.0, CAP / max(float(np.linalg.norm(velocity)), 1e-12))
 
 
-def run(driver: Driver, target: np.ndarray, duration: float, push: object = None) -> list[ArmState]:
+def run(arm: LiveArm, target: np.ndarray, duration: float, push: object = None) -> list[ArmState]:
     """Move towards the target, with a constant push all the time."""
     states = []
-    for _ in range(round(duration / driver.period)):
-        hand = driver.state().hand
-        driver.drive(straight(hand, target), None if push is None else np.array(push, dtype=float))
-        states.append(driver.state())
+    for _ in range(round(duration / arm.period)):
+        hand = arm.state().hand
+        arm.drive(straight(hand, target), None if push is None else np.array(push, dtype=float))
+        states.append(arm.state())
     return states
 
 
 def kinetic_energy(arm: TorqueArm) -> float:
     """Half the sum of m v² and ω·I ω over all links, [J]: from the links' states, not from a mass matrix."""
-    bullet, body, client = arm.body.bullet, arm.body.body, arm.body.client
+    bullet, body = arm.body.bullet, arm.body.body
     total = 0.0
-    for link in range(bullet.getNumJoints(body, physicsClientId=client)):
-        state = bullet.getLinkState(body, link, computeLinkVelocity=1, physicsClientId=client)
-        dynamics = bullet.getDynamicsInfo(body, link, physicsClientId=client)
+    for link in range(bullet.getNumJoints(body)):
+        state = bullet.getLinkState(body, link, computeLinkVelocity=1)
+        dynamics = bullet.getDynamicsInfo(body, link)
         turn = np.array(bullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
         linear, angular = np.array(state[6]), turn.T @ np.array(state[7])
         total += 0.5 * (dynamics[0] * linear @ linear + np.array(dynamics[2]) @ angular**2)
@@ -69,13 +69,13 @@ def distances(states: list[ArmState], target: np.ndarray) -> np.ndarray:
 
 def test_the_hand_yields_in_proportion_and_always_returns(begin: Begin) -> None:
     arm, target = begin()
-    driver, reached = TorqueDriver(arm), []
+    reached = []
     for force in (10.0, 20.0, 40.0):
-        pushed = run(driver, target, 0.5, (0.0, force, 0.0))
+        pushed = run(arm, target, 0.5, (0.0, force, 0.0))
         reached.append(distances(pushed, target).max())
         away = pushed[-1].hand - target
         assert away[1] > 0.95 * np.linalg.norm(away)  # the way it was pushed, in the world
-        after = run(driver, target, 2.5)
+        after = run(arm, target, 2.5)
         assert distances(after, target)[-1] < 2e-3
     # Below the speed cap hand and skill are linear: a damper D against f = −2.5 /s (x − x*).
     assert reached[1] / reached[0] == pytest.approx(2.0, rel=0.1)
@@ -87,10 +87,10 @@ def test_the_hand_yields_in_proportion_and_always_returns(begin: Begin) -> None:
 
 def test_the_limits_hold_however_hard_the_push(begin: Begin) -> None:
     arm, target = begin()
-    model, driver = arm.body.model, TorqueDriver(arm)
+    model = arm.body.model
     states = []
     for force in ((0.0, 150.0, 0.0), (0.0, 0.0, -400.0)):
-        states += run(driver, target, 0.3, force) + run(driver, target, 0.5)
+        states += run(arm, target, 0.3, force) + run(arm, target, 0.5)
     for state in states:
         assert (state.joints > model.lower).all()
         assert (state.joints < model.upper).all()
@@ -100,12 +100,11 @@ def test_the_limits_hold_however_hard_the_push(begin: Begin) -> None:
 
 def test_a_push_leaves_no_energy_behind(begin: Begin) -> None:
     arm, target = begin()
-    driver = TorqueDriver(arm)
-    run(driver, target, 0.5)
+    run(arm, target, 0.5)
     assert kinetic_energy(arm) < 1e-6  # at rest it stays at rest
 
     def energies(steps: int, push: object) -> list[float]:
-        return [run(driver, target, 0.05, push) and kinetic_energy(arm) for _ in range(steps)]
+        return [run(arm, target, 0.05, push) and kinetic_energy(arm) for _ in range(steps)]
 
     pushed, returning = energies(10, (0.0, 40.0, 0.0)), energies(60, None)
     assert max(returning) < max(pushed)
@@ -114,8 +113,7 @@ def test_a_push_leaves_no_energy_behind(begin: Begin) -> None:
 
 def test_a_free_motion_obeys_the_skill(begin: Begin) -> None:
     arm, target = begin(away=(0.0, -0.15, 0.05))
-    driver = TorqueDriver(arm)
-    away = distances(states := run(driver, target, 3.0), target)
+    away = distances(states := run(arm, target, 3.0), target)
     assert away[-1] < 1e-3
     line = np.array([0.0, -0.15, 0.05]) / np.linalg.norm([0.0, -0.15, 0.05])
     offsets = np.array([state.hand - target for state in states])
@@ -125,24 +123,23 @@ def test_a_free_motion_obeys_the_skill(begin: Begin) -> None:
 
 def test_the_hand_keeps_its_orientation_while_it_is_pushed(begin: Begin) -> None:
     arm, target = begin()
-    run(TorqueDriver(arm), target, 0.5, (0.0, 20.0, 0.0))
+    run(arm, target, 0.5, (0.0, 20.0, 0.0))
     wanted = arm._kinematics.orientation(arm.state().hand)
     assert abs(np.dot(arm.orientation, wanted)) > np.cos(0.5 * 0.1)  # within 0.1 rad
 
 
 def test_a_free_hand_is_held_by_its_posture_alone(begin: Begin) -> None:
     arm, target = begin(hand="free")
-    driver = TorqueDriver(arm)
-    start = run(driver, target, 1.0)[-1].joints
-    run(driver, target, 0.3, (0.0, 20.0, 0.0))
-    after = run(driver, target, 2.5)
+    start = run(arm, target, 1.0)[-1].joints
+    run(arm, target, 0.3, (0.0, 20.0, 0.0))
+    after = run(arm, target, 2.5)
     assert distances(after, target)[-1] < 1e-3
     assert np.abs(after[-1].joints - start).max() < 0.1
 
 
 def test_joints_at_their_limit_slow_the_hand_down(begin: Begin) -> None:
     arm, _ = begin()
-    share = TorqueDriver(arm).drive(np.array([0.0, 20.0, 0.0]))
+    share = arm.drive(np.array([0.0, 20.0, 0.0]))
     assert 0 < share < 0.5
 
 
@@ -151,11 +148,11 @@ def test_a_push_moves_no_position_motor() -> None:
     with ArmBody(model, 0.0, shapes="none") as twin, ArmBody(model, 0.0, shapes="collision") as body:
         kinematics = Kinematics(twin, "horizontal", 0.0)
         start = kinematics.home
-        driver = PositionDriver(Follower(kinematics, start), DrivenArm(body, start))
-        target = driver.state().hand
-        states = run(driver, target, 0.3) + run(driver, target, 0.3, (0.0, 50.0, 0.0))
+        arm = PositionArm(body, start, kinematics)
+        target = arm.state().hand
+        states = run(arm, target, 0.3) + run(arm, target, 0.3, (0.0, 50.0, 0.0))
         assert distances(states, target).max() < 1e-3
-        hard = run(driver, target, 0.3, (0.0, 0.0, -300.0)) + run(driver, target, 1.0)
+        hard = run(arm, target, 0.3, (0.0, 0.0, -300.0)) + run(arm, target, 1.0)
         assert distances(hard, target).max() > 0.01  # the wrist gives way
         for state in hard:
             assert (np.abs(state.velocities) <= model.max_velocity).all()

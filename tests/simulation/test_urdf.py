@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +16,8 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 import pybullet_data
 
 from skillctl.errors import InputDataError, NotFoundError, UsageError
-from skillctl.simulation.arm import ARMS, ArmBody
+from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.urdf import find_arm
 
@@ -54,25 +57,25 @@ def mesh(kind: str, name: str) -> str:
 
 def test_limits_are_those_of_the_file(write: Write) -> None:
     arm = find_arm(str(write(robot())))
-    assert (arm.lower == -2).all()
-    assert (arm.upper == 1.5).all()
-    assert (arm.max_velocity == 2.5).all()
-    assert (arm.max_torque == 80).all()
+    assert set(arm.lower) == {-2}
+    assert set(arm.upper) == {1.5}
+    assert set(arm.max_velocity) == {2.5}
+    assert set(arm.max_torque) == {80}
     assert arm.indices == tuple(range(6))
-    assert arm.home == pytest.approx(-0.25, abs=1e-15)  # mid-range
+    assert set(arm.home) == {-0.25}  # mid-range
 
 
 def test_a_joint_without_end_may_turn_once_either_way(write: Write) -> None:
     arm = find_arm(str(write(robot(kind="continuous", limit='<limit effort="8" velocity="1"/>'))))
-    assert (arm.lower == -2 * math.pi).all()
-    assert (arm.upper == 2 * math.pi).all()
+    assert set(arm.lower) == {-2 * math.pi}
+    assert set(arm.upper) == {2 * math.pi}
 
 
 def test_a_known_arm_by_path_has_its_hand_before_the_gripper() -> None:
     arm = find_arm(str(BUNDLED / "franka_panda/panda.urdf"))
     assert arm.indices == ARMS["panda"].indices
     assert arm.held == ((9, 0.0), (10, 0.0))
-    assert (arm.max_torque == ARMS["panda"].max_torque).all()
+    assert arm.max_torque == ARMS["panda"].max_torque
     named = find_arm(str(BUNDLED / "franka_panda/panda.urdf"), tip="panda_grasptarget")
     assert named.tip == ARMS["panda"].tip
 
@@ -154,3 +157,25 @@ def test_a_changed_file_is_read_again(write: Write) -> None:
     assert find_arm(str(path)) is find_arm(str(path))
     path.write_text(robot(limit=LIMIT.replace("80", "70")))
     assert (np.asarray(find_arm(str(path)).max_torque) == 70).all()
+
+
+@pytest.mark.parametrize(
+    ("ended", "words"),
+    [
+        (subprocess.TimeoutExpired("probe", 60.0), "takes longer than 60 s to load"),
+        (subprocess.CompletedProcess("probe", 3, b"", b""), r"fail \(status 3\)"),
+        (subprocess.CompletedProcess("probe", -signal.SIGSEGV, b"", b""), r"crash \(SIGSEGV\)"),
+    ],
+)
+def test_a_file_that_ends_its_reader_is_refused(
+    write: Write, monkeypatch: pytest.MonkeyPatch, ended: object, words: str
+) -> None:
+    def run(*_: object, **__: object) -> object:
+        if isinstance(ended, Exception):
+            raise ended
+        return ended
+
+    path = write(robot())
+    monkeypatch.setattr("skillctl.simulation.urdf.subprocess.run", run)
+    with pytest.raises(InputDataError, match=words):
+        find_arm(str(path))

@@ -13,7 +13,7 @@ from PIL import Image, ImageSequence
 from skillctl.errors import NotFoundError, UsageError
 from skillctl.model.seds import SedsSkill
 from skillctl.simulation.episode import Episode
-from skillctl.simulation.frame import TARGET, TRAIL
+from skillctl.simulation.picture import TARGET, TRAIL
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.video import LAST_FRAME, RATES, SIZE, encode_video, film_format

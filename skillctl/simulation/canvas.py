@@ -1,4 +1,4 @@
-"""Lines and marks over a rendered picture, where their points in space are: solid if seen, else faint."""
+"""A rendered picture, and what is drawn over it where its points in space are: solid if seen, else faint."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.camera import Camera, View
+from skillctl.simulation.camera import Camera
+from skillctl.simulation.episode import spread_out
+from skillctl.simulation.stage import Stage
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -16,20 +18,38 @@ SEEN, FAINT = 255, 80  # opacity in front of and behind surfaces
 WHITE: Colour = (255, 255, 255)
 SUPERSAMPLING = 4  # drawn this much larger than it is shown: smooth edges
 LINE_SPACING = 2.0  # pixels between the points that a line is drawn through
+SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
+HAZE = (2.2, 4.0)  # [m] from the camera to the floor, which fades into the sky between these distances
 
 
-class Overlay:
-    """A transparent layer over one view. Widths and radii are in pixels of the finished picture."""
+class Canvas:
+    """A view of a stage with a transparent layer over it.
 
-    def __init__(self, camera: Camera, view: View, size: tuple[int, int]) -> None:
-        """Args: camera and the view it rendered; size of the finished picture."""
-        self._camera, self._view = camera, view
+    Widths and radii are in pixels of the finished picture.
+    """
+
+    def __init__(self, stage: Stage, camera: Camera, size: tuple[int, int]) -> None:
+        """Args: what is seen, and by which camera; size of the finished picture."""
+        self._camera, self._size, self._floor = camera, size, stage.floor
+        self._view = camera.render(stage)
         self._layer = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
 
     def image(self) -> Image.Image:
-        """Return the layer at its finished size."""
-        return self._layer.reduce(SUPERSAMPLING)
+        """Return the picture: the floor fades into the sky, what was drawn lies above all."""
+        view = self._view
+        colours = view.colours.astype(np.float64)
+        fraction = np.linspace(0.0, 1.0, len(colours))[:, None]
+        sky = ((1 - fraction) * SKY_TOP + fraction * SKY_LOW)[:, None, :]
+        haze = np.clip((view.depths - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0, 1.0)
+        haze *= view.surface == self._floor
+        haze[view.surface < 0] = 1.0
+        blended = (1 - haze[:, :, None]) * colours + haze[:, :, None] * sky
+        scene = Image.fromarray(np.rint(blended).astype(np.uint8)).resize(
+            self._size, Image.Resampling.LANCZOS
+        )
+        drawn = self._layer.reduce(SUPERSAMPLING)
+        return Image.alpha_composite(scene.convert("RGBA"), drawn).convert("RGB")
 
     def line(self, points: FloatArray, colour: Colour, width: float) -> None:
         """Draw a line through points (n, 3)."""
@@ -37,11 +57,10 @@ class Overlay:
         pixels, hidden = self._pixels(points), self._camera.hidden(points, self._view)
         changes = np.flatnonzero(np.diff(hidden)) + 1
         for run in np.split(np.arange(len(points)), changes):
-            opacity = FAINT if hidden[run[0]] else SEEN
             stretch = pixels[run[0] : run[-1] + 2]  # up to where the next run begins
             self._draw.line(
                 [tuple(pixel) for pixel in stretch.tolist()],
-                fill=(*colour, opacity),
+                fill=(*colour, FAINT if hidden[run[0]] else SEEN),
                 width=round(SUPERSAMPLING * width),
                 joint="curve",
             )
@@ -57,7 +76,7 @@ class Overlay:
 
     def disc(self, point: FloatArray, colour: Colour, radius: float) -> None:
         """Draw a disc with a white rim at a point (3,)."""
-        opacity = self._opacity(point)
+        opacity = FAINT if self._camera.hidden(point[None], self._view)[0] else SEEN
         self._disc(self._pixels(point[None])[0], radius + 1.0, (*WHITE, opacity))
         self._disc(self._pixels(point[None])[0], radius, (*colour, opacity))
 
@@ -80,15 +99,9 @@ class Overlay:
     def _pixels(self, points: FloatArray) -> FloatArray:
         return self._camera.project(points)[0] * self._layer.size
 
-    def _opacity(self, point: FloatArray) -> int:
-        return FAINT if self._camera.hidden(point[None], self._view)[0] else SEEN
-
     def _thinned(self, points: FloatArray, spacing: float) -> FloatArray:
         """Return the points (n, 3) at about equal distances in the picture, first and last included."""
-        steps = np.linalg.norm(np.diff(self._pixels(points), axis=0), axis=1) / SUPERSAMPLING
-        way = np.concatenate([[0.0], np.cumsum(steps)])
-        wanted = np.searchsorted(way, np.arange(0.0, way[-1], spacing))
-        return np.asarray(points[np.unique([0, *wanted.tolist(), len(points) - 1])])
+        return np.asarray(points[spread_out(self._pixels(points) / SUPERSAMPLING, spacing)])
 
     def _disc(self, pixel: FloatArray, radius: float, fill: tuple[int, int, int, int]) -> None:
         x, y = pixel.tolist()
