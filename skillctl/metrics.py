@@ -1,4 +1,4 @@
-"""How far a reproduced motion is from a shown one: distances between curves, velocity errors.
+"""How far a reproduced motion is from a demonstrated one: distances between curves, velocity errors.
 
 Curves are arrays of positions (T, d). All distances are in the unit of the
 positions. A curve that diverged (not finite, or beyond any physical size) is infinitely far from any other.
@@ -11,30 +11,11 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import resample_by_arc_length
 
 CURVE_POINTS = 200  # resampling of curves whose distance is measured point by point
 AREA_POINTS = 1000  # resampling of curves whose enclosed area is measured
 DIVERGED = 1e50  # a curve that leaves this range has diverged; products of four coordinates still fit a float
-
-
-def resample_by_arc_length(positions: npt.ArrayLike, count: int = CURVE_POINTS) -> FloatArray:
-    """Return ``count`` points equally spaced in arc length along the polyline through ``positions``.
-
-    Timing drops out: two runs along one path at different speeds give the same points.
-
-    Args:
-        positions: Shape (T, d). Rests (repeated points) are passed over.
-        count: Number of points, at least 2.
-
-    Returns:
-        Shape (count, d); first and last point are those of the curve.
-    """
-    curve = _curve(positions)
-    lengths = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    keep = np.concatenate([[True], lengths > 0])
-    corners, arc = curve[keep], np.concatenate([[0.0], np.cumsum(lengths[lengths > 0])])
-    wanted = np.linspace(0.0, arc[-1], count)
-    return np.stack([np.interp(wanted, arc, column) for column in corners.T], axis=1)
 
 
 def dtw(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:

@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 from skillctl import metrics
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import resample_by_arc_length
 
 EPS = np.finfo(np.float64).eps
 # Half precision keeps drawn coordinates far from underflow, so relative bounds are enough.
@@ -70,7 +71,7 @@ def path(dimension: int, seed: int, count: int = 80) -> FloatArray:
 @given(st.data(), st.integers(1, 4), st.integers(2, 30))
 def test_resampled_points_are_equally_spaced_along_the_curve(data: st.DataObject, d: int, count: int) -> None:
     curve = data.draw(curves(d))
-    points = metrics.resample_by_arc_length(curve, count)
+    points = resample_by_arc_length(curve, count)
 
     corners = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(curve, axis=0) ** 2).sum(1)))])
     # Each point lies at its arc length: on the segment whose ends bracket it, at the right fraction.
@@ -88,11 +89,11 @@ def test_resampling_ignores_timing_and_rests() -> None:
     corners = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
     slow = np.repeat(corners, [4, 1, 3], axis=0)
     expected = [[0, 0], [1, 0], [2, 0], [3, 0], [3, 1]]
-    assert metrics.resample_by_arc_length(slow, 5).tolist() == expected
+    assert resample_by_arc_length(slow, 5).tolist() == expected
 
 
 def test_a_curve_that_rests_throughout_is_one_point_repeated() -> None:
-    assert metrics.resample_by_arc_length(np.full((4, 3), 0.5), 3).tolist() == [[0.5] * 3] * 3
+    assert resample_by_arc_length(np.full((4, 3), 0.5), 3).tolist() == [[0.5] * 3] * 3
 
 
 # ------------------------------------------------------------------------------------- DTW, Fréchet
@@ -104,7 +105,7 @@ def test_dtw_is_the_mean_over_a_best_monotone_matching(data: st.DataObject, d: i
     a, b = data.draw(curves(d)), data.draw(curves(d))
     distance = metrics.dtw(a, b, count)
 
-    points = metrics.resample_by_arc_length(a, count), metrics.resample_by_arc_length(b, count)
+    points = resample_by_arc_length(a, count), resample_by_arc_length(b, count)
     total, lengths = best_matching(*points)
     # Among matchings of (nearly) equal sum any may be taken; 64: sums of at most 23 terms.
     assert min(abs(distance * n - total) for n in lengths) <= 64 * EPS * (1 + total)
@@ -114,7 +115,7 @@ def test_dtw_is_the_mean_over_a_best_monotone_matching(data: st.DataObject, d: i
 @given(st.data(), st.integers(1, 3), st.integers(2, 12))
 def test_frechet_is_the_shortest_leash(data: st.DataObject, d: int, count: int) -> None:
     a, b = data.draw(curves(d)), data.draw(curves(d))
-    points = metrics.resample_by_arc_length(a, count), metrics.resample_by_arc_length(b, count)
+    points = resample_by_arc_length(a, count), resample_by_arc_length(b, count)
     # No sums of distances, only the largest is kept: the norms may differ in their last bits alone.
     assert metrics.frechet(a, b, count) == pytest.approx(shortest_leash(*points), rel=4 * EPS, abs=0)
 
@@ -160,7 +161,7 @@ def test_the_leash_reaches_both_ends_and_every_point(data: st.DataObject, d: int
     leash = metrics.frechet(a, b, 20)
     slack = 64 * EPS * (1 + leash)
     assert max(np.linalg.norm(a[0] - b[0]), np.linalg.norm(a[-1] - b[-1])) <= leash + slack
-    p, q = metrics.resample_by_arc_length(a, 20), metrics.resample_by_arc_length(b, 20)
+    p, q = resample_by_arc_length(a, 20), resample_by_arc_length(b, 20)
     hausdorff = np.linalg.norm(p[:, None] - q, axis=2).min(axis=1).max()
     assert hausdorff <= leash + slack
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skillctl import metrics
 from skillctl.adapt.options import FitLevel
 from skillctl.adapt.weights import scaled_components
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.geometry import path_length, resample_by_arc_length
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
@@ -224,16 +224,15 @@ class _Paths:
 
     @classmethod
     def of(cls, shown: DemonstrationSet, goal: FloatArray) -> _Paths:
-        curves = [metrics.resample_by_arc_length(m.positions - m.positions[-1] + goal, POINTS) for m in shown]
+        curves = [resample_by_arc_length(m.positions - m.positions[-1] + goal, POINTS) for m in shown]
         stacked = np.stack(curves)
-        lengths = np.linalg.norm(np.diff(stacked, axis=1), axis=2).sum(axis=1)
-        return cls(goal, stacked, lengths, max(motion.duration for motion in shown))
+        return cls(goal, stacked, path_length(stacked), max(motion.duration for motion in shown))
 
     def misses(self, mixture: _Mixture, factors: FloatArray, step: float) -> FloatArray:
         """Return how far motions with factors (b, m) are off, in shares of the lengths. Shape (b, …)."""
         starts = np.tile(self.curves[:, 0], (len(factors), 1))
         moved = self._moved(mixture, starts, np.repeat(factors, len(self.curves), axis=0), step)
-        curves = np.stack([metrics.resample_by_arc_length(path, POINTS) for path in moved])
+        curves = np.stack([resample_by_arc_length(path, POINTS) for path in moved])
         misses = curves.reshape(len(factors), *self.curves.shape) - self.curves
         misses /= self.lengths[:, None, None] * np.sqrt(len(self.curves) * POINTS)
         return misses.reshape(len(factors), -1)

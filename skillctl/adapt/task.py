@@ -15,6 +15,7 @@ from skillctl.adapt.weights import adapt as adapt_weights
 from skillctl.arrays import FloatArray
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.errors import FitError
+from skillctl.geometry import phases
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.rollout import rollout
@@ -152,8 +153,7 @@ def _family(motion: Demonstration, space: Space) -> DemonstrationSet:
     differ ever less from it is the least that can be said.
     """
     x = motion.positions
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
-    fading = (1 - travelled / travelled[-1])[:, None]
+    fading = (1 - phases(x))[:, None]
     reach = NEIGHBOURHOOD * float(np.linalg.norm(x[0] - x[-1]))
     offsets = reach * np.vstack([np.eye(x.shape[1]), -np.eye(x.shape[1])])
     neighbours = [

@@ -79,8 +79,8 @@ class StabilityBarrier:
 def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier) -> FloatArray:
     """Return the matrices, each moved towards −I until it is clearly inside the barrier.
 
-    The set is convex and holds −I (in the learner's units), so some share of the way always is inside,
-    and a little less of it is so by a margin that Newton's method can start from.
+    The set is convex and holds −I (in the learner's units), so that some share of the way from −I is inside;
+    a little less of it is inside by a margin from which Newton's method can start.
     """
     centre = -np.eye(matrices.shape[-1])
     share = np.ones(matrices.shape[:-2])
@@ -132,6 +132,7 @@ def constrained_regression(
         smooth = 0.5 * np.einsum("ki,kij,kj->k", flat, quadratic, flat) - np.einsum("ki,ki->k", linear, flat)
         return np.asarray(smooth + weight * barrier.value(candidates))
 
+    # A start from an earlier solution is near the central path at a lower weight already.
     first_level = -1 if start is None else -3
     for level in 10.0 ** np.arange(first_level, np.log10(final_weight) - 0.5, -1):
         weight = level * scale
@@ -140,6 +141,7 @@ def constrained_regression(
             gradient, hessian = barrier.derivatives(matrices)
             slope = np.einsum("kij,kj->ki", quadratic, matrices.reshape(k, d * d)) - linear
             slope = slope + weight[:, None] * gradient
+            # Newton's decrement, slopeᵀ Hessian⁻¹ slope, is twice the gain that the quadratic model promises.
             step = -np.linalg.solve(quadratic + weight[:, None, None] * hessian, slope[..., None])[..., 0]
             decrement = -np.einsum("ki,ki->k", slope, step)
             active = decrement > DONE * weight

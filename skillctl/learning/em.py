@@ -1,7 +1,7 @@
 """Constrained EM: the joint mixture of positions and velocities whose every A_k is stable (Eq. 5 and 6).
 
 With b_k = −A_k ξ* fixed, component k of the joint density factors into N(ξ; μ, Σ) N(ξ̇; A ξ, C), so the
-M-step is closed-form except for A_k, a small convex problem.
+M-step is in closed form except for A_k, which a small convex problem gives.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.learning.barrier import StabilityBarrier, constrained_regression
+from skillctl.learning.outcome import Result, StageResult
+from skillctl.model.mixture import log_sum_exp, softmax
 
 POSITION_FLOOR = 1e-4  # smallest variance of a component, in squared rms distances: 1 % of the rms distance
 VELOCITY_FLOOR = 1e-4  # likewise in squared rms speeds
@@ -48,7 +50,11 @@ class JointMixture:
 
 
 def log_normal(deviations: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Return log N(deviation; 0, Σ_k) for deviations (N, K, d). Shape (N, K)."""
+    """Return log N(deviation; 0, Σ_k) for deviations (N, K, d). Shape (N, K).
+
+    Whitened by the inverse of the Cholesky factor, which ``GaussianMixture.log_joint`` does not do: its
+    quadratic features are faster, and cancel more where a component is narrow.
+    """
     factors = np.linalg.inv(np.linalg.cholesky(covariances))
     white = np.einsum("kij,nkj->nki", factors, deviations)
     log_root = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
@@ -58,9 +64,7 @@ def log_normal(deviations: FloatArray, covariances: FloatArray) -> FloatArray:
 
 def log_likelihood(mixture: JointMixture, positions: FloatArray, velocities: FloatArray) -> float:
     """Return Σ log p(ξ, ξ̇) / N, the negative of Eq. 6, in the learner's units."""
-    logs = mixture.log_joint(positions, velocities)
-    peak = logs.max(axis=1, keepdims=True)
-    return float(np.mean(peak[:, 0] + np.log(np.exp(logs - peak).sum(axis=1))))
+    return float(np.mean(log_sum_exp(mixture.log_joint(positions, velocities).T)))
 
 
 def expectation(logs: FloatArray) -> FloatArray:
@@ -69,8 +73,7 @@ def expectation(logs: FloatArray) -> FloatArray:
     Every component keeps a trace of every point, so that one that has lost all its points becomes a copy
     of the whole instead of a division by zero.
     """
-    weights = np.exp(logs - logs.max(axis=1, keepdims=True))
-    shares = weights / weights.sum(axis=1, keepdims=True)
+    shares = softmax(logs.copy().T).T
     return np.asarray((1 - TRACE) * shares + TRACE / logs.shape[1])
 
 
@@ -101,6 +104,7 @@ def maximisation(
     weighted = shares.T[:, :, None] * positions  # (K, N, d)
     gram = weighted.swapaxes(1, 2) @ positions + floor * np.eye(d)
     cross = velocities.T @ weighted
+    # A_k and C_k depend on each other: A_k is fitted with the C_k of the iteration before.
     precisions: FloatArray = np.tile(np.eye(d), (k, 1, 1))
     if previous is not None:
         precisions = np.asarray(np.linalg.inv(previous.residual_covariances), dtype=np.float64)
@@ -120,8 +124,8 @@ def constrained_em(
     iterations: int,
     tolerance: float = 1e-5,
     floor: float = POSITION_FLOOR,
-) -> JointMixture:
-    """Return the mixture that EM reaches from a partition of the data.
+) -> tuple[JointMixture, StageResult]:
+    """Return the mixture that EM reaches from a partition of the data, and how EM ended.
 
     Args:
         labels: Component of each point at the start, 0 … K − 1, shape (N,).
@@ -134,14 +138,14 @@ def constrained_em(
     """
     mixture = maximisation(np.eye(labels.max() + 1)[labels], positions, velocities, barrier, floor=floor)
     last = -np.inf
-    for _ in range(iterations):
+    for step in range(1, iterations + 1):
         responsibilities = expectation(mixture.log_joint(positions, velocities))
         mixture = maximisation(responsibilities, positions, velocities, barrier, mixture, floor)
         current = log_likelihood(mixture, positions, velocities)
         if current - last < tolerance:
-            break
+            return mixture, StageResult("mixture", Result.CONVERGED, step)
         last = current
-    return mixture
+    return mixture, StageResult("mixture", Result.OUT_OF_STEPS, iterations)
 
 
 def position_em(

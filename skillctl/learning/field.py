@@ -31,13 +31,15 @@ class Field:
         """Number of entries of A and W together."""
         return self.matrices.size + self.logits.size
 
+    def split(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the parts for A (K, d, d) and W (K, F) of a vector (p,): A row by row, then W row by row."""
+        size = self.matrices.size
+        return parameters[:size].reshape(self.matrices.shape), parameters[size:].reshape(self.logits.shape)
+
     def stepped(self, step: FloatArray) -> Field:
-        """Return the field with ``step`` (A row by row, then W row by row) added to its parameters."""
-        split = self.matrices.size
-        return Field(
-            self.matrices + step[:split].reshape(self.matrices.shape),
-            self.logits + step[split:].reshape(self.logits.shape),
-        )
+        """Return the field with ``step`` (p,), ordered as in ``split``, added to its parameters."""
+        matrices, logits = self.split(step)
+        return Field(self.matrices + matrices, self.logits + logits)
 
     def velocities(self, positions: FloatArray) -> FloatArray:
         """Return f for positions (d, n), in the same shape."""
@@ -54,9 +56,11 @@ class Field:
         gates = softmax(self.logits @ phi)
         images = (self.matrices.reshape(k * d, d) @ positions).reshape(k, d, n)
         f = np.einsum("kn,kin->in", gates, images)
-        spread = gates[:, None] * (images - f)  # ∂f/∂logit_k
+        # ∂h_j/∂logit_k = h_j (δ_jk − h_k), so ∂f/∂logit_k = h_k (A_k ξ − f): the chain rule through softmax.
+        spread = gates[:, None] * (images - f)
         slopes = _logit_slopes(self.logits, positions)
         by_state = np.einsum("kn,kij->nij", gates, self.matrices) + np.einsum("kin,kjn->nij", spread, slopes)
+        # ∂f_i/∂A_k,lj = h_k ξ_j for l = i and zero otherwise; ∂f/∂W_k = ∂f/∂logit_k φᵀ.
         by_parameter = np.zeros((n, d, self.n_parameters))
         block = by_parameter[:, :, : k * d * d].reshape(n, d, k, d, d)
         weighted = np.einsum("kn,jn->nkj", gates, positions)
@@ -81,9 +85,8 @@ def gate_precisions(logits: FloatArray, d: int) -> FloatArray:
     rows, columns = np.triu_indices(d)
     quadratic = np.zeros((len(logits), d, d))
     quadratic[:, rows, columns] = -logits[:, 1 + d :]
-    return np.asarray(
-        quadratic + quadratic.swapaxes(1, 2)
-    )  # the diagonal doubles: −½ Q_ii is its coefficient
+    # The diagonal doubles: −½ Q_ii is the coefficient of ξ_i², −Q_ij that of ξ_i ξ_j.
+    return np.asarray(quadratic + quadratic.swapaxes(1, 2))
 
 
 def spread_root(positions: FloatArray) -> FloatArray:
@@ -133,7 +136,15 @@ def heun_rollouts(
 def rollout_sensitivities(
     field: Field, states: FloatArray, predicted: FloatArray, steps: FloatArray
 ) -> FloatArray:
-    """Return ∂state/∂θ of Heun rollouts, exact for the discrete steps. Shape (count + 1, D, d, p)."""
+    """Return ∂state/∂θ of Heun rollouts, exact for the discrete steps. Shape (count + 1, D, d, p).
+
+    With x⁺ = x + ½ Δt (f(x) + f(y)), y = x + Δt f(x), F = ∂f/∂ξ and G = ∂f/∂θ, the chain rule gives
+
+        ∂x⁺/∂θ = [I + ½ Δt (F(x) + F(y)(I + Δt F(x)))] ∂x/∂θ + ½ Δt [G(x) + G(y) + Δt F(y) G(x)].
+
+    Both brackets are computed for all steps at once; only the product of the first with ∂x/∂θ must go step by
+    step.
+    """
     count, d, trajectories = states.shape[0] - 1, states.shape[1], states.shape[2]
     here = field.linearised(states[:count].transpose(1, 0, 2).reshape(d, -1))
     ahead = field.linearised(predicted[:count].transpose(1, 0, 2).reshape(d, -1))

@@ -1,10 +1,11 @@
-"""Where optimisation starts: partitions of the data, and the constrained mixtures they lead to."""
+"""Where learning starts: partitions of the data into components."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.geometry import phases
 from skillctl.learning.preprocess import TrainingData
 
 
@@ -18,13 +19,12 @@ def partitions(data: TrainingData, n_components: int, count: int, seed: int) -> 
         seed: Seed of k-means++.
 
     Returns:
-        Labels 0 … K − 1 of all points, each of shape (D·T,); every label occurs.
+        Labels 0 … K − 1 of all points, each of shape (D·T,). Partitions in which some label does not occur
+        are left out, so that there may be fewer than ``count``, or none.
     """
     trajectories, samples, _ = data.positions.shape
     time = np.tile(np.linspace(0, 1, samples), (trajectories, 1))
-    lengths = np.linalg.norm(np.diff(data.positions, axis=1), axis=2)
-    path = np.concatenate([np.zeros((trajectories, 1)), np.cumsum(lengths, axis=1)], axis=1)
-    sliced = [_slices(phase, n_components) for phase in (time, path / path[:, -1:])]
+    sliced = [_slices(phase, n_components) for phase in (time, phases(data.positions))]
     generator = np.random.default_rng(seed)
     points = np.hstack(data.points)
     clustered = [kmeans(points, n_components, generator) for _ in range(count - len(sliced))]
@@ -34,7 +34,11 @@ def partitions(data: TrainingData, n_components: int, count: int, seed: int) -> 
 def kmeans(
     points: FloatArray, n_clusters: int, generator: np.random.Generator, iterations: int = 15
 ) -> IntArray:
-    """Return the labels of Lloyd's iterations from k-means++ seeds, for points (N, m). Shape (N,)."""
+    """Return the labels of Lloyd's iterations from k-means++ seeds, for points (N, m). Shape (N,).
+
+    References:
+        Arthur & Vassilvitskii 2007 for the seeds. A cluster that loses all its points keeps its centre.
+    """
     chosen = [int(generator.integers(len(points)))]
     squared = ((points - points[chosen[0]]) ** 2).sum(axis=1)
     for _ in range(n_clusters - 1):
@@ -44,6 +48,7 @@ def kmeans(
         squared = np.minimum(squared, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
     centres = points[chosen]
     for _ in range(iterations):
+        # ‖p − c‖² without ‖p‖², which is the same for every centre.
         distances = (centres**2).sum(axis=1) - 2 * points @ centres.T
         labels = distances.argmin(axis=1)
         members = np.eye(n_clusters)[labels]
@@ -56,4 +61,5 @@ def kmeans(
 
 
 def _slices(phase: FloatArray, n_components: int) -> IntArray:
+    """Return labels that cut phases in [0, 1] into equal parts, in the order of the points."""
     return np.minimum((phase * n_components).astype(np.int64), n_components - 1).ravel()

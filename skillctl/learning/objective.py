@@ -1,4 +1,4 @@
-"""What is minimised: velocity errors, distances between rollouts and demonstrations, and haste."""
+"""What is minimised: velocity errors, distances between rollouts and demonstrations, and a ridge."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.learning.copies import copies_beyond, displaced, phases
+from skillctl.geometry import phases
+from skillctl.learning.augmentation import displaced_paths, distant_samples
 from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, rollout_sensitivities, spread_root
 from skillctl.learning.preprocess import TrainingData
 
@@ -18,18 +19,19 @@ MOST_CONVEX = 80.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Weights:
-    """How residuals count against each other.
+    """How residuals count against each other; the defaults were tuned on the 30 LASA motions.
 
     Attributes:
         rollout: Weight of squared rollout distances against squared velocity errors, both mean.
         phase: Cost of matching points one whole path apart, in rms distances.
         robust: Distance below which a rollout residual counts quadratically, above linearly.
         overrun: Length of a rollout, in durations of its demonstration.
-        displacement: How far beside the recorded starts displaced copies start, in rms distances.
-        displaced_share: Share of the rollout weight that the displaced copies have.
-        beyond: How far beside them copies start whose velocities alone count, in rms distances.
-        beyond_weight: Weight of these velocity errors against those on the demonstrations, both mean.
-        haste: Price of the squared Frobenius norm of each A_k.
+        displacement: How far beside the recorded starts displaced paths start, in rms distances.
+        displaced_share: Share of the rollout weight that the displaced paths have.
+        distances: How far beside the recorded starts the distant samples start, in rms distances; only their
+            velocities count.
+        distant_weight: Weight of these velocity errors against those on the demonstrations, both mean.
+        ridge: Weight of the squared Frobenius norm of each A_k, which keeps the field slow.
     """
 
     rollout: float = 100.0
@@ -38,9 +40,9 @@ class Weights:
     overrun: float = 1.1
     displacement: float = 0.07
     displaced_share: float = 0.5
-    beyond: tuple[float, ...] = (0.5, 1.0)
-    beyond_weight: float = 0.05
-    haste: float = 1e-4
+    distances: tuple[float, ...] = (0.5, 1.0)
+    distant_weight: float = 0.05
+    ridge: float = 1e-4
 
 
 DEFAULT_WEIGHTS = Weights()
@@ -71,7 +73,7 @@ class Matching:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evaluation:
-    """Residuals at one field. Jᵀ residuals is the gradient of the cost for a fixed matching, but for haste.
+    """Residuals at one field. Jᵀ residuals plus the ridge's gradient is that of the cost at fixed matching.
 
     The cost is robust, so it is not ½‖residuals‖².
     """
@@ -90,9 +92,9 @@ class LearningObjective:
     of the path apart cost extra (``phase``). The matching is redone at every evaluation and held fixed
     inside the Jacobian.
 
-    With rollouts, two things hold the field where no data do: velocities count on copies far beside the
-    demonstrations, too, and fast A_k have a price, next to nothing for as fast as the motion is. Without them
-    components contract up to a hundred times faster than the motion, as fast as the barrier lets them.
+    With rollouts, two terms determine the field where there are no data: velocities on copies far beside the
+    demonstrations, and a ridge on A_k, negligible at the speed of the motion. Without them components
+    contract up to a hundred times faster than the motion, as fast as the barrier lets them.
     """
 
     def __init__(
@@ -105,17 +107,17 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.paths, self.path_weights = displaced(
+        self.paths, self.path_weights = displaced_paths(
             data.positions, weights.displacement, weights.displaced_share
         )
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.root = spread_root(data.points[0])
-        shown, beyond = data.points, copies_beyond(data, weights.beyond if rollouts else ())
-        self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(shown, beyond, strict=True))
-        counts = len(shown[0]), len(beyond[0])
-        shares = 1 / counts[0], weights.beyond_weight / max(counts[1], 1)
+        near, distant = data.points, distant_samples(data, weights.distances if rollouts else ())
+        self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
+        counts = len(near[0]), len(distant[0])
+        shares = 1 / counts[0], weights.distant_weight / max(counts[1], 1)
         self.velocity_weights = np.sqrt(np.repeat(shares, counts))
-        self.haste = weights.haste if rollouts else 0.0
+        self.ridge = weights.ridge if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = phases(self.paths)
 
@@ -126,7 +128,7 @@ class LearningObjective:
     def evaluate(self, field: Field) -> Evaluation:
         """Return the residuals at ``field``."""
         velocity = (self.velocity_weights * (field.velocities(self.positions) - self.targets)).T.ravel()
-        cost = 0.5 * (float(velocity @ velocity) + self.haste * float((field.matrices**2).sum()))
+        cost = 0.5 * (float(velocity @ velocity) + self.ridge * float((field.matrices**2).sum()))
         if not self.rollouts:
             return Evaluation(field, cost, velocity, None)
         matching = self._matched(field)
@@ -134,7 +136,7 @@ class LearningObjective:
         return Evaluation(field, cost + matching.cost, np.append(velocity, rollout), matching)
 
     def normal_equations(self, evaluation: Evaluation) -> tuple[FloatArray, FloatArray]:
-        """Return JᵀJ and Jᵀr with the matching held fixed, haste included. Shapes (p, p) and (p,)."""
+        """Return JᵀJ and Jᵀr with the matching held fixed, ridge included. Shapes (p, p) and (p,)."""
         field, matching = evaluation.field, evaluation.matching
         p = field.n_parameters
         velocity = self.velocity_weights[:, None, None] * field.linearised(self.positions)[2]
@@ -142,9 +144,9 @@ class LearningObjective:
         normal = velocity.T @ velocity
         slope = velocity.T @ evaluation.residuals[: len(velocity)]
         matrices = np.arange(field.matrices.size)
-        normal[matrices, matrices] += self.haste
-        slope[matrices] += self.haste * field.matrices.ravel()
-        if matching is not None:
+        normal[matrices, matrices] += self.ridge
+        slope[matrices] += self.ridge * field.matrices.ravel()
+        if matching is not None:  # JᵀJ = Sᵀ M S over the table S of sensitivities, see ``_gathered``
             table = rollout_sensitivities(field, matching.states, matching.predicted, self.steps)
             table = table.reshape(-1, self.data.dimension, p)
             weighted, pull = _gathered(matching, table)
@@ -160,20 +162,20 @@ class LearningObjective:
         trajectories, length, d = rolled.shape
         samples = demos.shape[1]
         rolled_phase, phase = phases(rolled), self.weights.phase
-        who = np.arange(trajectories)[:, None]
+        column = np.arange(trajectories)[:, None]  # row ``time · trajectories + column`` of the table
         index, share = _nearest_place(demos, self.path_phase, rolled, rolled_phase, phase)
         to_rollout = _at(rolled, index, share) - demos
         demo_index, fraction = _nearest_place(rolled, rolled_phase, demos, self.path_phase, phase)
         to_demo = rolled - _at(demos, demo_index, fraction)
-        own = np.arange(length) * trajectories + who
-        rows = np.stack(
-            [np.hstack([index * trajectories + who, own]), np.hstack([(index + 1) * trajectories + who, own])]
-        )
+        own = np.arange(length) * trajectories + column
+        first = index * trajectories + column
+        rows = np.stack([np.hstack([first, own]), np.hstack([first + trajectories, own])])
         shares = np.hstack([share, np.zeros(own.shape)]).ravel()
         errors = np.concatenate([to_rollout, to_demo], axis=1).reshape(-1, d)
         shares_of_points = np.repeat([1 / samples, 1 / length], [samples, length])
         weights = 0.5 * self.weights.rollout * np.outer(self.path_weights, shares_of_points).ravel()
-        # Pseudo-Huber: ρ(r) = 2 δ² (√(1 + r²/δ²) − 1), quadratic below δ and linear above; ρ'/2r = 1/√(…)
+        # Pseudo-Huber: ρ(r) = 2 δ² (√(1 + r²/δ²) − 1), quadratic below δ and linear above. Iteratively
+        # reweighted least squares: scaled by √(w ρ'(r)/2r) = √(w/√(…)), the residuals have ρ's gradient.
         root = np.sqrt(1.0 + (errors**2).sum(axis=1) / self.weights.robust**2)
         cost = float(weights @ (root - 1.0)) * self.weights.robust**2
         scales = np.sqrt(weights / root)
@@ -186,6 +188,7 @@ def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatA
     A residual that depends on rows a and b with shares 1 − t and t adds its weight times (1 − t)², t² and
     t(1 − t) to M. So JᵀJ = Sᵀ M S without ever writing out J, which has twice the rows.
     """
+    # A residual with one row (first = second, t = 0) adds nothing off the diagonal.
     first, second = matching.rows
     count, share, weight = len(table), matching.shares, matching.scales**2
     own = np.bincount(first, weight * (1 - share) ** 2, count) + np.bincount(second, weight * share**2, count)
@@ -204,8 +207,8 @@ def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatA
 
 def _at(paths: FloatArray, index: IntArray, share: FloatArray) -> FloatArray:
     """Return the points a share along the given segments of paths (D, S, d). Shape (D, T, d)."""
-    who = np.arange(len(paths))[:, None]
-    return np.asarray((1 - share)[..., None] * paths[who, index] + share[..., None] * paths[who, index + 1])
+    path = np.arange(len(paths))[:, None]
+    return np.asarray((1 - share)[..., None] * paths[path, index] + share[..., None] * paths[path, index + 1])
 
 
 def _nearest_place(
@@ -215,11 +218,13 @@ def _nearest_place(
 
     points (D, T, d), path (D, S, d); index (D, T) in 0 … S − 2 and share (D, T) in [0, 1].
     """
+    # With the phase as one more coordinate, a difference in phase is part of the distance.
     a = np.concatenate([points, phase_cost * point_phase[..., None]], axis=2)
     b = np.concatenate([path, phase_cost * path_phase[..., None]], axis=2)
     squared = (b * b).sum(axis=2)[:, None] - 2.0 * a @ b.swapaxes(1, 2)
     nearest = squared.argmin(axis=2)
     last = path.shape[1] - 2
+    # The nearest vertex has a segment on either side: the nearer one of the two is taken.
     before, after = np.clip(nearest - 1, 0, last), np.clip(nearest, 0, last)
     share_before, distance_before = _project(a, b, before)
     share_after, distance_after = _project(a, b, after)
@@ -229,9 +234,9 @@ def _nearest_place(
 
 def _project(points: FloatArray, path: FloatArray, index: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return share along, and squared distance to, the given segment for each point. Both (D, T)."""
-    who = np.arange(len(points))[:, None]
-    origin = path[who, index]
-    step = path[who, index + 1] - origin
+    row = np.arange(len(points))[:, None]
+    origin = path[row, index]
+    step = path[row, index + 1] - origin
     share = ((points - origin) * step).sum(axis=2) / np.maximum((step * step).sum(axis=2), 1e-24)
     share = np.clip(share, 0.0, 1.0)
     return share, np.asarray(((origin + share[..., None] * step - points) ** 2).sum(axis=2))

@@ -6,7 +6,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import FitError
-from skillctl.learning.em import JointMixture
+from skillctl.learning.em import VELOCITY_FLOOR, JointMixture
 from skillctl.learning.field import Field, gate_precisions, most_convex_gate, spread_root
 from skillctl.learning.preprocess import TrainingData
 from skillctl.model.mixture import GaussianMixture, quadratic_coefficients, quadratic_features, softmax
@@ -14,7 +14,7 @@ from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Space
 
 SMALLEST_LOG_PRIOR = -600.0  # exp of it is still a normal float64 after normalisation
-VELOCITY_FLOOR = 1e-4  # smallest residual variance, in squared rms speeds
+GAUGES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # curvatures tried, in inverse squared spreads of the data
 
 
 def field_of(mixture: JointMixture) -> Field:
@@ -31,9 +31,9 @@ def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray,
     """Return priors, means and covariances whose responsibilities are softmax(W φ).
 
     Logits are quadratics c + lᵀξ − ½ ξᵀQξ whose Q need not be positive definite. Adding one common
-    quadratic −½ (ξ − m)ᵀ G (ξ − m) to all of them changes no weight; G is a multiple of the inverse
-    covariance of the data large enough to make every Q + G well-conditioned, m the data's mean, and of
-    several such multiples the one is taken whose priors differ least (ours).
+    quadratic −½ (ξ − m)ᵀ G (ξ − m) to all of them changes no weight. G is a multiple of the inverse
+    covariance of the data, large enough to make every Q + G positive definite, and m the data's mean; of
+    several multiples the one whose priors differ least is taken (ours).
 
     Args:
         logits: W, shape (K, F).
@@ -50,7 +50,7 @@ def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray,
     base = max(most_convex_gate(logits, root), 0.0)
     best: tuple[FloatArray, FloatArray, FloatArray] | None = None
     spread = -SMALLEST_LOG_PRIOR
-    for extra in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
+    for extra in GAUGES:
         strength = base * 1.1 + extra
         precisions = quadratic + strength * gauge
         precisions = 0.5 * (precisions + precisions.swapaxes(1, 2))
@@ -58,6 +58,7 @@ def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray,
         covariances = np.linalg.inv(precisions)
         covariances = 0.5 * (covariances + covariances.swapaxes(1, 2))
         means = np.einsum("kij,kj->ki", covariances, linear)
+        # Completing the square: log π = c + ½ lᵀΣl + ½ log det Σ, up to a constant common to all.
         logs = logits[:, 0] + 0.5 * np.einsum("ki,ki->k", means, linear)
         logs = logs + 0.5 * np.linalg.slogdet(covariances)[1]
         if np.ptp(logs) < spread:
@@ -84,7 +85,7 @@ def skill_of(
         field: Parameters in the learner's units.
         density: Priors, means, covariances of the position density, in the learner's units.
         data: The training data, for its units, its attractor and the residual covariances.
-        lyapunov: P, shape (d, d); a scalar change of units leaves it as it is.
+        lyapunov: P, shape (d, d); a change of the unit of length only scales V, so that P stays valid.
         space: What the state means.
     """
     positions, velocities = data.points

@@ -8,6 +8,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
+from skillctl.geometry import extent
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
@@ -64,7 +65,7 @@ def without_spikes(demonstration: Demonstration) -> Demonstration:
         return demonstration
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(x, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
     off = np.linalg.norm(x - np.median(windows, axis=-1), axis=1)
-    limit = max(SPIKE_SHARE * float(np.linalg.norm(np.ptp(x, axis=0))), 20 * float(np.median(off)))
+    limit = max(SPIKE_SHARE * extent(x), 20 * float(np.median(off)))
     good = off <= limit
     good[[0, -1]] = True  # an end has nothing beyond it to jump back to
     if good.all():
@@ -76,7 +77,7 @@ def without_spikes(demonstration: Demonstration) -> Demonstration:
 def trim_rests(demonstration: Demonstration) -> Demonstration:
     """Return the demonstration without the samples in which it rests at its start or its end."""
     x = demonstration.positions
-    limit = REST_SHARE * float(np.linalg.norm(np.ptp(x, axis=0)))
+    limit = REST_SHARE * extent(x)
     away_from_start = np.flatnonzero(np.linalg.norm(x - x[0], axis=1) > limit)
     away_from_end = np.flatnonzero(np.linalg.norm(x - x[-1], axis=1) > limit)
     if away_from_end.size == 0 or away_from_start.size == 0:
@@ -92,10 +93,10 @@ def trim_rests(demonstration: Demonstration) -> Demonstration:
 
 
 def _arrival(demonstration: Demonstration, last: int, limit: float) -> float:
-    """Return when a motion comes to rest that goes on at the pace at which it came as near as the limit.
+    """Return when a motion comes to rest that keeps the pace at which it came as near as the limit, [s].
 
-    Without pace it would leap over what is left of the way, from one sample to the next. It arrives no
-    later than the recording ends.
+    Were it to end at the first sample within the limit, it would jump over the rest of the way from one
+    sample to the next. It arrives no later than the recording ends.
 
     Args:
         demonstration: With its rest.

@@ -14,6 +14,7 @@ from skillctl.learning.preprocess import EMBEDDED_POINTS, TrainingData
 from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve, stability_barrier
 from skillctl.model.demonstration import DemonstrationSet
 
+# All tuned on the 30 LASA motions.
 POINTS_PER_COORDINATE = 5  # a component needs about five points per dimension
 CANDIDATES = (1, 2, 3, 4, 5, 6, 7, 8, 10)
 MOST_FOLDS = 4
@@ -23,7 +24,7 @@ TIE = 1.05  # a smaller K wins unless it costs more than this times the best
 def component_limit(demonstrations: DemonstrationSet) -> int:
     """Return the largest K the data can carry: about five points per component and dimension.
 
-    Of a long recording ``EMBEDDED_POINTS`` count: beyond that, neighbours tell the same.
+    Of a long recording ``EMBEDDED_POINTS`` count: more of them are too close to say anything new.
     """
     points = sum(min(len(d.times), EMBEDDED_POINTS) for d in demonstrations)
     return max(1, points // (POINTS_PER_COORDINATE * demonstrations.dimension))
@@ -65,7 +66,7 @@ def _left_out_error(data: TrainingData, lyapunov: FloatArray, k: int, options: L
 def _bic(data: TrainingData, lyapunov: FloatArray, k: int, options: LearnOptions) -> float:
     """Return the Bayesian information criterion of the constrained joint mixture."""
     barrier = stability_barrier(data, lyapunov, options)
-    (mixture, *_) = initial_mixtures(data, barrier, k, options, lambda _: None)
+    ((mixture, _), *_) = initial_mixtures(data, barrier, k, options, lambda _: None)
     n, d = data.points[0].shape
     per_component = 1 + d + d * (d + 1) + d * d  # prior, mean, Σ and C, A
     likelihood = log_likelihood(mixture, *data.points)

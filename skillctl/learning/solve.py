@@ -14,16 +14,19 @@ from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
 from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import Effort, LearnOptions
+from skillctl.learning.outcome import StageResult
 from skillctl.learning.parameters import field_of
 from skillctl.learning.preprocess import TrainingData
 
-BROAD_START = 1e-3  # variance that gates start with where an optimiser goes on: narrow ones leave it no slope
+# Both tuned on the 30 LASA motions.
+BROAD_START = 1e-3  # least variance of gates that the optimiser starts from: narrow ones have no slope
 COARSE_AND_FINE = 1.15  # a fit whose cost grows by more under fine integration exploits its own step size
+EM_STEPS, FIRST_EM_STEPS = 200, 10  # of EM where it is the whole fit, and where the optimiser goes on from it
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far learning has come: ``done`` of ``total`` steps of a stage, and the objective there."""
+    """How far learning is: ``done`` of ``total`` steps of a stage, and the objective there."""
 
     stage: str
     done: int
@@ -43,12 +46,15 @@ class Solution:
         density: Priors (K,), means (K, d) and covariances (K, d, d) of the position density.
         objective: What was minimised, at its end.
         log_likelihood: Mean log p(ξ, ξ̇) of the constrained mixture the field came from.
+        results: How the stages that led to the field ended, in their order; probes of starts are not among
+            them, as they are cut short on purpose.
     """
 
     field: Field
     density: tuple[FloatArray, FloatArray, FloatArray]
     objective: float
     log_likelihood: float
+    results: tuple[StageResult, ...]
 
 
 def solve(
@@ -60,30 +66,31 @@ def solve(
 ) -> Solution:
     """Return the best stable field with ``n_components`` components for this P (d, d).
 
-    Whatever the objective, starts are compared by their rollouts: the lowest velocity error is seldom
-    the best motion.
+    Whatever the objective, starts are compared by their rollouts: the start with the lowest velocity error
+    seldom gives the best motion.
 
     Raises:
         InputDataError: Fewer distinct points than components.
     """
     barrier = stability_barrier(data, lyapunov, options)
-    mixtures = initial_mixtures(data, barrier, n_components, options, progress)
+    starts = initial_mixtures(data, barrier, n_components, options, progress)
     if options.objective == "likelihood":
         ranking = LearningObjective(data)
-        best = min(mixtures, key=lambda mixture: ranking.evaluate(field_of(mixture)).cost)
+        best, ended = min(starts, key=lambda start: ranking.evaluate(field_of(start[0])).cost)
         likelihood = log_likelihood(best, *data.points)
         density = best.priors, best.means, best.covariances
-        return Solution(field_of(best), density, -likelihood, likelihood)
-    state, best = optimise(data, barrier, mixtures, options, progress)
+        return Solution(field_of(best), density, -likelihood, likelihood, (ended,))
+    state, best, results = optimise(data, barrier, [mixture for mixture, _ in starts], options, progress)
     likelihood = log_likelihood(best, *data.points)
-    return Solution(state.evaluation.field, position_em(best, data.points[0]), state.cost, likelihood)
+    density = position_em(best, data.points[0])
+    return Solution(state.evaluation.field, density, state.cost, likelihood, results)
 
 
 def stability_barrier(data: TrainingData, lyapunov: FloatArray, options: LearnOptions) -> StabilityBarrier:
     """Return the constraint in the learner's units.
 
-    A period too long for the data (a motion that lasts a few periods) is shortened to what leaves room
-    for the −I that every fit can fall back to.
+    A period too long for the data (a motion that lasts a few periods) is shortened so that A_k = −I, to which
+    every fit can fall back, stays inside: −½(−2 + Δt) − ε > 0 needs Δt < 2 − 2 ε, and 1 − ε is half of that.
     """
     period = min(options.period / data.time_scale, 1.0 - options.slowest_rate)
     return StabilityBarrier(lyapunov, options.slowest_rate, period)
@@ -95,20 +102,20 @@ def initial_mixtures(
     n_components: int,
     options: LearnOptions,
     progress: ProgressCallback,
-) -> list[JointMixture]:
-    """Return the constrained mixture that EM reaches from each partition of the data."""
+) -> list[tuple[JointMixture, StageResult]]:
+    """Return the constrained mixture that EM reaches from each partition of the data, and how EM ended."""
     labels: list[IntArray] = partitions(data, n_components, options.effort.starts, options.seed)
     if not labels:
         raise InputDataError(
             f"the demonstrations have fewer than {n_components} distinct parts.", hint="Use fewer components."
         )
-    converged = options.objective == "likelihood"
-    iterations, floor = (200, POSITION_FLOOR) if converged else (10, BROAD_START)
-    mixtures = []
+    whole = options.objective == "likelihood"
+    iterations, floor = (EM_STEPS, POSITION_FLOOR) if whole else (FIRST_EM_STEPS, BROAD_START)
+    starts = []
     for index, partition in enumerate(labels):
-        mixtures.append(constrained_em(partition, *data.points, barrier, iterations=iterations, floor=floor))
-        progress(Progress("mixtures", index + 1, len(labels), -log_likelihood(mixtures[-1], *data.points)))
-    return mixtures
+        starts.append(constrained_em(partition, *data.points, barrier, iterations=iterations, floor=floor))
+        progress(Progress("mixtures", index + 1, len(labels), -log_likelihood(starts[-1][0], *data.points)))
+    return starts
 
 
 def optimise(
@@ -117,8 +124,13 @@ def optimise(
     mixtures: list[JointMixture],
     options: LearnOptions,
     progress: ProgressCallback,
-) -> tuple[State, JointMixture]:
-    """Probe every start, polish the one whose rollouts are best, and check it with a fine integration."""
+) -> tuple[State, JointMixture, tuple[StageResult, ...]]:
+    """Probe every start, polish the one whose rollouts are best, and check it with a fine integration.
+
+    Returns:
+        The optimiser's last state, the mixture it started from, and how the polish, and the refinement if
+        there was one, ended.
+    """
     effort = options.effort
     rollouts = options.objective == "reproduction"
     objective = LearningObjective(data, rollouts=rollouts)
@@ -126,29 +138,38 @@ def optimise(
     states = []
     for index, mixture in enumerate(mixtures):
         state = State(objective.evaluate(field_of(mixture)), barrier)
-        states.append(minimise(objective, state, effort.probe_steps))
+        states.append(minimise(objective, state, effort.probe_steps)[0])
         progress(Progress("starts", index + 1, len(mixtures), states[-1].cost))
     best = min(range(len(states)), key=lambda i: ranking.evaluate(states[i].evaluation.field).cost)
 
     def on_step(step: int, cost: float) -> None:
         progress(Progress("polish", step, effort.polish_steps, cost))
 
-    state = minimise(objective, states[best], effort.polish_steps, on_step=on_step)
+    state, polished = minimise(objective, states[best], effort.polish_steps, on_step=on_step)
+    results: tuple[StageResult, ...] = (polished,)
     if rollouts:
-        state = _checked_finely(data, state, effort, progress)
+        state, refined = _checked_finely(data, state, effort, progress)
+        results += refined
     progress(Progress("polish", effort.polish_steps, effort.polish_steps, state.cost))
-    return state, mixtures[best]
+    return state, mixtures[best], results
 
 
-def _checked_finely(data: TrainingData, state: State, effort: Effort, progress: ProgressCallback) -> State:
-    """Integrate four times as finely; where that costs more, polish with twice as fine rollouts."""
+def _checked_finely(
+    data: TrainingData, state: State, effort: Effort, progress: ProgressCallback
+) -> tuple[State, tuple[StageResult, ...]]:
+    """Integrate four times as finely; where that costs more, polish with twice as fine rollouts.
+
+    Returns:
+        The state that is better under fine integration, and how the refinement ended if it gave that state.
+    """
     field = state.evaluation.field
     fine = LearningObjective(data, substeps=4)
-    if fine.evaluate(field).cost <= COARSE_AND_FINE * state.cost:
-        return state
+    cost = fine.evaluate(field).cost
+    if cost <= COARSE_AND_FINE * state.cost:
+        return state, ()
     finer = LearningObjective(data, substeps=2)
     restart = replace(state, evaluation=finer.evaluate(field))
-    refined = minimise(finer, restart, effort.polish_steps // 2)
+    refined, result = minimise(finer, restart, effort.polish_steps // 2, stage="refine")
     progress(Progress("refine", effort.polish_steps, effort.polish_steps, refined.cost))
-    better = fine.evaluate(refined.evaluation.field).cost < fine.evaluate(field).cost
-    return refined if better else state
+    better = fine.evaluate(refined.evaluation.field).cost < cost
+    return (refined, (result,)) if better else (state, ())

@@ -21,6 +21,7 @@ from skillctl.compose.merge import merge as merge_skills
 from skillctl.demonstrations import reaching
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
 from skillctl.demonstrations.reader import read_demonstrations
+from skillctl.geometry import resample_by_arc_length
 from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
@@ -132,7 +133,7 @@ def new_task(reaches: Reaches, seed: int, place: str, options: LearnOptions, cou
 
 def carried_over(path, held_out: DemonstrationSet) -> float:
     """Return how far one path is from others when its start is moved to theirs, evenly fading, in mm."""
-    curve = metrics.resample_by_arc_length(path)
+    curve = resample_by_arc_length(path, metrics.CURVE_POINTS)
     fading = np.linspace(1, 0, len(curve))[:, None]
     return 1e3 * float(
         np.mean([metrics.dtw(curve + fading * (m.positions[0] - curve[0]), m.positions) for m in held_out])

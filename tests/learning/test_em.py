@@ -7,8 +7,19 @@ import pytest
 import scipy.stats
 
 from skillctl.learning.barrier import StabilityBarrier
-from skillctl.learning.em import constrained_em, expectation, log_likelihood, log_normal, maximisation
+from skillctl.learning.em import (
+    POSITION_FLOOR,
+    TRACE,
+    JointMixture,
+    constrained_em,
+    expectation,
+    log_likelihood,
+    log_normal,
+    maximisation,
+    position_em,
+)
 from skillctl.learning.initialize import kmeans, partitions
+from skillctl.learning.outcome import Result
 from skillctl.learning.preprocess import align, training_data
 from skillctl.model.demonstration import DemonstrationSet
 
@@ -32,7 +43,7 @@ def test_the_likelihood_never_falls_and_every_matrix_is_stable(curved: Curved) -
     labels = np.random.default_rng(0).integers(0, 4, len(data.points[0]))  # a bad start: much to gain
     values = []
     for iterations in range(1, 12):
-        mixture = constrained_em(labels, *data.points, barrier, iterations=iterations, tolerance=-np.inf)
+        mixture, _ = constrained_em(labels, *data.points, barrier, iterations=iterations, tolerance=-np.inf)
         values.append(log_likelihood(mixture, *data.points))
         assert np.linalg.eigvalsh(barrier.slack(mixture.matrices)).min() > 0
     # The M-step adds a variance floor of 1e-4 and a barrier of weight 1e-4, so exact ascent is lost by
@@ -47,7 +58,7 @@ def test_a_noisy_linear_system_is_recovered() -> None:
     positions = generator.standard_normal((4000, 2))
     noise = 0.05
     velocities = positions @ truth.T + noise * generator.standard_normal((4000, 2))
-    mixture = constrained_em(
+    mixture, _ = constrained_em(
         np.zeros(4000, dtype=np.int64),
         positions,
         velocities,
@@ -59,6 +70,48 @@ def test_a_noisy_linear_system_is_recovered() -> None:
     np.testing.assert_allclose(
         mixture.residual_covariances[0], noise**2 * np.eye(2), atol=5 * noise**2 * np.sqrt(2 / 4000) + 2e-4
     )
+
+
+def test_em_says_whether_it_converged(curved: Curved) -> None:
+    data = training_data(*align(curved()), samples=50)
+    barrier = StabilityBarrier(np.eye(2), 0.03)
+    labels = np.random.default_rng(0).integers(0, 4, len(data.points[0]))
+    _, short = constrained_em(labels, *data.points, barrier, iterations=3)
+    assert (short.stage, short.result, short.steps) == ("mixture", Result.OUT_OF_STEPS, 3)
+    reached, ended = constrained_em(labels, *data.points, barrier, iterations=500, tolerance=1e-4)
+    assert ended.result is Result.CONVERGED
+    assert 3 < ended.steps < 500
+    before, _ = constrained_em(
+        labels, *data.points, barrier, iterations=ended.steps - 1, tolerance=-np.inf
+    )  # one iteration less
+    assert log_likelihood(reached, *data.points) - log_likelihood(before, *data.points) < 1e-4
+
+
+def test_the_density_of_positions_forgets_the_velocities() -> None:
+    # Two clumps far apart, a third of the points in one: from a start whose means are both in between, with
+    # velocities that say nothing, EM must find the priors, means and covariances of the clumps.
+    generator = np.random.default_rng(4)
+    clumps = [
+        generator.standard_normal((50, 2)) - [6, 0],
+        generator.standard_normal((100, 2)) @ [[2, 0.5], [0, 1]],
+    ]
+    clumps[1] += [6, 0]
+    start = JointMixture(
+        priors=np.array([0.5, 0.5]),
+        means=np.array([[-1.0, 0], [1.0, 0]]),
+        covariances=np.tile(9 * np.eye(2), (2, 1, 1)),
+        matrices=np.tile(-np.eye(2), (2, 1, 1)),
+        residual_covariances=np.tile(np.eye(2), (2, 1, 1)),
+    )
+    priors, means, covariances = position_em(start, np.vstack(clumps), iterations=50)
+    # Every component keeps TRACE / 2 of every point, up to 20 away from its own; the clumps are 12 apart, and
+    # points at three of the wider one's standard deviations lie between them with shares of about 1e-4.
+    np.testing.assert_allclose(priors, [1 / 3, 2 / 3], atol=1e-3)
+    for k, clump in enumerate(clumps):
+        np.testing.assert_allclose(means[k], clump.mean(axis=0), atol=0.02)
+        expected = np.cov(clump.T, bias=True) + POSITION_FLOOR * np.eye(2)
+        np.testing.assert_allclose(covariances[k], expected, atol=0.05)
+    assert TRACE < 1e-4
 
 
 def test_expectation_is_bayes_rule_far_from_all_components() -> None:

@@ -4,13 +4,15 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.learning.fit import fit, learned_metric
-from skillctl.learning.options import LearnOptions
+from skillctl.learning.fit import LATE_GAIN, _unfinished, fit, learned_metric
+from skillctl.learning.options import LearnOptions, Preset
+from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.select import component_limit
 from skillctl.learning.solve import Progress
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
@@ -86,7 +88,7 @@ def test_reproduction_follows_the_motion_closer_than_velocities_alone(
 
 
 @pytest.mark.parametrize("motion", ["Sshape", "GShape", "Zshape"])
-def test_a_field_is_not_hasty_where_nothing_was_shown(
+def test_a_field_is_slow_where_there_are_no_data(
     lasa: Callable[[str], DemonstrationSet], motion: str
 ) -> None:
     shown = lasa(motion)
@@ -96,7 +98,7 @@ def test_a_field_is_not_hasty_where_nothing_was_shown(
     grid = np.stack(np.meshgrid(*np.linspace(2 * low - high, 2 * high - low, 40).T), axis=-1).reshape(-1, 2)
     fastest = max(np.linalg.norm(d.velocities, axis=1).max() for d in shown)
     # Up to one extent beside the data a motion may be some times as fast as any shown, as it may have as many
-    # times as far to go. Without a price on haste it was hundreds of times as fast.
+    # times as far to go. Without the ridge it was hundreds of times as fast.
     assert np.linalg.norm(skill.velocity(grid), axis=1).max() < 10 * fastest
     assert np.abs(np.linalg.eigvals(skill.component_matrices)).max() * shown.demonstrations[0].duration < 50
 
@@ -187,7 +189,60 @@ def test_a_motion_that_contradicts_the_metric_is_warned_about(
     (warning,) = result.warnings
     assert "V would have to grow" in warning
     assert "--metric learned" in warning
-    assert fit(lasa("Line"), LearnOptions(preset="fast")).warnings == ()
+    assert fit(lasa("Line")).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "stages"),
+    [
+        ({"objective": "likelihood"}, ["metric", "mixture"]),
+        ({"objective": "mse"}, ["metric", "polish"]),
+        ({"metric": "euclidean"}, ["polish"]),
+    ],
+)
+def test_a_fit_says_how_its_stages_ended(curved: Curved, options: dict[str, str], stages: list[str]) -> None:
+    result = fit(curved(), replace(FAST, **options))  # type: ignore[arg-type]
+    assert [stage.stage for stage in result.results] == stages
+    assert result.converged is (result.results[-1].result is Result.CONVERGED)
+    if result.results[-1].result is Result.OUT_OF_STEPS:
+        assert result.results[-1].steps == FAST.effort.polish_steps
+
+
+def test_a_fit_that_runs_out_of_steps_while_it_still_gains_is_warned_about(
+    lasa: Callable[[str], DemonstrationSet],
+) -> None:
+    result = fit(lasa("Line"), LearnOptions(preset="fast"))
+    (warning,) = result.warnings
+    last = result.results[-1]
+    assert not result.converged
+    assert last.late_gain is not None
+    assert warning == (
+        f"the optimiser used all of its 12 steps, and the last three still lowered the objective by "
+        f"{last.late_gain:.1%}; --preset default takes more."
+    )
+
+
+@pytest.mark.parametrize(
+    ("last", "preset", "words"),
+    [
+        (StageResult("polish", Result.OUT_OF_STEPS, 60, 0.5), "quality", "lowered the objective by 50.0%."),
+        (StageResult("polish", Result.OUT_OF_STEPS, 30, 0.5), "default", "; --preset quality takes more."),
+        (
+            StageResult("mixture", Result.OUT_OF_STEPS, 200),
+            "fast",
+            "not converged after its 200 steps.",
+        ),
+        (StageResult("polish", Result.OUT_OF_STEPS, 30, LATE_GAIN), "default", None),
+        (StageResult("polish", Result.NO_BETTER_STEP, 4, 0.5), "default", None),
+        (StageResult("polish", Result.CONVERGED, 4, 0.5), "default", None),
+    ],
+)
+def test_only_a_fit_that_more_steps_would_improve_is_warned_about(
+    last: StageResult, preset: Preset, words: str | None
+) -> None:
+    warnings = _unfinished(last, preset)
+    assert len(warnings) == (words is not None)
+    assert words is None or warnings[0].endswith(words)
 
 
 @pytest.mark.parametrize(

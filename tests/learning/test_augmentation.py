@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skillctl.learning.copies import DAWDLING, copies_beyond, displaced, phases
+from skillctl.geometry import phases
+from skillctl.learning.augmentation import SLOW, displaced_paths, distant_samples
 from skillctl.learning.preprocess import align, training_data
 from skillctl.model.demonstration import DemonstrationSet
 
@@ -17,8 +18,8 @@ def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
     curved: Curved, dimension: int, count: int, directions: int
 ) -> None:
     shown = training_data(*align(curved(dimension, count, samples=2000)), samples=400)
-    moving = np.linalg.norm(shown.velocities, axis=2) >= DAWDLING
-    positions, velocities = copies_beyond(shown, (0.5, 1.0))
+    moving = np.linalg.norm(shown.velocities, axis=2) >= SLOW
+    positions, velocities = distant_samples(shown, (0.5, 1.0))
     copies = np.full((2, directions, 2, count, 400, dimension), np.nan)
     copies[..., moving, :] = positions.reshape(2, directions, 2, -1, dimension)
 
@@ -40,7 +41,7 @@ def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_displaced_copies_start_behind_and_beside_and_arrive(curved: Curved, dimension: int) -> None:
     paths = training_data(*align(curved(dimension, 4)), samples=40).positions
-    copies, weights = displaced(paths, 0.1, 0.5)
+    copies, weights = displaced_paths(paths, 0.1, 0.5)
 
     assert len(copies) == 12
     np.testing.assert_array_equal(copies[:4], paths)
@@ -58,6 +59,6 @@ def test_displaced_copies_start_behind_and_beside_and_arrive(curved: Curved, dim
 
 def test_no_displacement_makes_no_copies(curved: Curved) -> None:
     paths = training_data(*align(curved()), samples=40).positions
-    copies, weights = displaced(paths, 0.0, 0.5)
+    copies, weights = displaced_paths(paths, 0.0, 0.5)
     assert copies is paths
     np.testing.assert_allclose(weights, 0.25)

@@ -1,0 +1,33 @@
+"""How the iterations of learning end: each says whether it converged, and how far it still was from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Result(Enum):
+    """Why an iteration stopped; the value says it in words."""
+
+    CONVERGED = "converged"
+    OUT_OF_STEPS = "ran out of steps"
+    NO_BETTER_STEP = "found no better step"
+
+
+@dataclass(frozen=True, slots=True)
+class StageResult:
+    """How one stage of learning ended.
+
+    Attributes:
+        stage: ``metric`` (P), ``mixture`` (EM), ``polish`` (the optimiser) or ``refine`` (the optimiser
+            again, with finer rollouts).
+        result: Why it stopped.
+        steps: How many steps it took.
+        late_gain: What the last three steps together took off the cost, as a share of it; None where that
+            is not measured.
+    """
+
+    stage: str
+    result: Result
+    steps: int
+    late_gain: float | None = None
