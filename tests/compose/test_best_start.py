@@ -40,8 +40,8 @@ def test_an_optimal_p_among_those_known_is_the_answer(d, stretch):
 
 
 def test_a_known_p_is_kept_where_the_search_ends_at_a_worse_one():
-    # Both matrices are symmetric with eigenvalues −1 and −3, so P = I shows the best rate there can be, 1/s. The
-    # search maximises a margin instead, for which a P that weighs the slow direction of the first is better.
+    # Both matrices are symmetric with eigenvalues −1 and −3, so P = I shows the best rate there can be, 1/s.
+    # The search maximises a margin, for which a P that weighs the slow direction of the first is better.
     matrices = np.array([np.diag([-1.0, -3.0]), [[-2.0, 1.0], [1.0, -2.0]]])
     found = common_lyapunov(matrices, known=[np.eye(2)])
     assert rate(found, matrices) >= 1 - 8 * EPS

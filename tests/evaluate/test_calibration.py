@@ -47,8 +47,8 @@ ROUNDING = 12 * 64 * EPS
 
 
 def test_the_priors_lie_in_the_middle_between_the_borders_that_decide(pair):
-    # With equal priors the border is at 0.5, so one start of the first part is lost: at 0.62. Moving the border
-    # to between 0.62 and 0.7, where the second part was taught, loses none.
+    # With equal priors the border is at 0.5, so one start of the first part is lost: at 0.62. With a border
+    # between 0.62 and 0.7, where the second part was taught, none is lost.
     sets = [taught(pair, [0.1, 0.3, 0.62]), taught(pair, [0.7, 0.9])]
     middle = 0.5 * (border(0.62) + border(0.7))
     assert abs(log_ratio(calibrated_priors(pair, sets)) - middle) <= ROUNDING
