@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ Shell = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture(autouse=True)
-def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hide what the user's shell says about stores, colours and terminals."""
     for variable in (
         "SKILLCTL_STORE",
@@ -39,23 +39,6 @@ def _plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         "COLUMNS",
     ):
         monkeypatch.delenv(variable, raising=False)
-    return
-
-
-@pytest.fixture(autouse=True)
-def _documented_reports_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fail a test that prints a JSON document of a kind for which no schema is published."""
-    from skillctl.cli import render
-    from skillctl.cli.documents import OUTPUTS
-
-    to_json, known = render.to_json, {place for places in OUTPUTS.values() for place in places}
-
-    def checked(report: Any) -> str:
-        place = f"{type(report).__module__}:{type(report).__qualname__}"
-        assert place in known or not place.startswith("skillctl."), f"add {place} to cli/documents.py"
-        return to_json(report)
-
-    monkeypatch.setattr(render, "to_json", checked)
 
 
 @pytest.fixture

@@ -1,8 +1,9 @@
-"""Who may import whom: read from the source, so that a forgotten import inside a function counts too."""
+"""Who may import whom, and what an extension touches: read from the source, functions and all."""
 
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,8 +11,10 @@ from pathlib import Path
 import pytest
 
 import skillctl
+from skillctl.cli.documents import OUTPUTS, schema_of_output
 
 PACKAGE = Path(skillctl.__file__).parent
+ROOT = PACKAGE.parent
 LEAVES = {"errors", "arrays", "progress", "geometry", "options"}
 TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
@@ -27,6 +30,19 @@ SIBLINGS = {
 FLOORS = ("evaluate", "adapt")  # above the siblings; what a task wants is judged by how good a skill is
 MODULES = sorted(PACKAGE.rglob("*.py"))
 LINE_LIMIT = 420  # a module that needs more is two modules
+
+# What is often added, and a name that one that is there already has in the code. Whatever module says that
+# name would have to say the next one's, too: the table in CONTRIBUTING.md counts them.
+EXAMPLES = {
+    "a demonstration format": "tum",
+    "a merge gate": "experts",
+    "an arm": "xarm6",
+    "an exit code": "FIT_FAILED",
+    "a state space": "Euclidean",
+    "a store backend": "LocalBackend",
+    "an array in the artifact": "density_covariances",
+    "an export": "_npz",
+}
 
 # Third-party packages that only some rooms may know.
 ONLY_IN = {
@@ -123,11 +139,52 @@ def test_model_needs_numpy_only() -> None:
             assert name.split(".")[0] in standard, f"{path}:{line}: {name}"
 
 
+def test_every_report_has_a_published_schema() -> None:
+    named = {
+        node.name
+        for room in ("usecases", "cli")
+        for path in (PACKAGE / room).glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and node.name.endswith("Report")
+    }
+    published = {name for output in OUTPUTS for name in schema_of_output(output)["$defs"]}
+    assert named <= published, f"add {', '.join(sorted(named - published))} to cli/documents.py"
+
+
+def words_of(path: Path) -> set[str]:
+    """Return the names in a module's code, and the words in its strings but for docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    prose = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    words = {path.stem}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in prose:
+            words.update(re.findall(r"\w+", node.value))
+        for field in ("id", "attr", "name", "arg", "module"):
+            words.update((getattr(node, field, None) or "").split("."))
+    return words
+
+
+def measured() -> str:
+    """Return the table of CONTRIBUTING.md: what names one of a kind, in lines of Markdown."""
+    words = {str(path.relative_to(PACKAGE)): words_of(path) for path in MODULES}
+    rows = ["| to add | there is | named in |", "| --- | --- | --- |"]
+    for change, example in EXAMPLES.items():
+        if places := [place for place, known in words.items() if example in known]:
+            rows.append(f"| {change} | `{example}` | {len(places)}: {', '.join(places)} |")
+    return "\n".join(rows) + "\n"
+
+
+def test_contributing_says_what_an_extension_touches() -> None:
+    table = measured()
+    print(f"\n{table}")  # pytest -s
+    written = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert table in written, f"put this into CONTRIBUTING.md:\n\n{table}"
+
+
 def test_top_level_holds_what_the_architecture_names() -> None:
-    root = PACKAGE.parent
-    if not (root / ".git").exists():
+    if not (ROOT / ".git").exists():
         pytest.skip("not a git checkout: nothing says which files belong")
-    tracked = subprocess.run(["git", "ls-files"], cwd=root, capture_output=True, text=True, check=True).stdout
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     names = {line.split("/")[0] for line in tracked.splitlines()}
     visible = {name for name in names if not name.startswith(".")}
     assert visible == {
@@ -135,6 +192,9 @@ def test_top_level_holds_what_the_architecture_names() -> None:
         "README.md",
         "LICENSE",
         "CHANGELOG.md",
+        "CITATION.cff",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
         "skillctl",
         "skills",
         "tests",

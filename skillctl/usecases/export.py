@@ -135,5 +135,5 @@ def _npz(artifact: Artifact) -> tuple[dict[str, Any], bytes]:
         **contents_of(artifact),
         **{name: np.array(text) for name, text in texts.items()},
     }
-    np.savez(file, allow_pickle=False, **arrays)
+    np.savez(file, **arrays)  # numbers and texts: nothing is pickled
     return arrays, file.getvalue()

@@ -59,11 +59,10 @@ def test_the_same_refusal_as_json_is_one_document(run, tmp_path, name):
     assert document["hint"]
 
 
-def test_repeated_times_are_dropped_and_said_or_refused(run, tmp_path):
+def test_repeated_times_are_refused_with_file_and_line(run, tmp_path):
     (path := tmp_path / "twice.csv").write_text(GOOD.replace("0.2,0.2,0.1", "0.1,0.2,0.1"))
-    result = run("learn", path, "-o", tmp_path / "a.h5", "--components", "1")
-    assert result.exit_code in (0, 5)
-    assert "twice.csv" in result.stderr
+    said = refusal(run("learn", path, "-o", tmp_path / "a.h5", "--components", "1"), 5)
+    assert "twice.csv, line 4: time stamp 0.1 s repeats" in said
 
 
 def test_a_missing_demonstration_file_is_not_found(run, tmp_path):
@@ -114,21 +113,19 @@ def test_a_file_that_is_no_skill_is_never_overwritten(run, curve_files, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "code", "words"),
     [
-        (["--components", "0"], ["components"]),
-        (["--components", "500"], ["components", "500"]),
-        (["--seed", "-1"], ["seed"]),
-        (["--scale", "0"], ["scale"]),
-        (["--demos", "99"], ["99"]),
-        (["--columns", "x,q"], ["'q'"]),
-        (["--input-format", "lasa"], []),
+        (["--components", "0"], 2, ["components"]),
+        (["--components", "500"], 2, ["components", "500"]),
+        (["--seed", "-1"], 2, ["seed"]),
+        (["--scale", "0"], 2, ["scale"]),
+        (["--demos", "99"], 2, ["99"]),
+        (["--columns", "x,q"], 5, ["'q'"]),
+        (["--input-format", "lasa"], 5, ["not an intact MATLAB 5 file"]),
     ],
 )
-def test_learning_options_out_of_range_are_refused(run, curve_files, tmp_path, options, words):
-    result = run("learn", *curve_files, "-o", tmp_path / "a.h5", *options)
-    said = refusal(result, result.exit_code)
-    assert result.exit_code in (2, 5)
+def test_learning_options_out_of_range_are_refused(run, curve_files, tmp_path, options, code, words):
+    said = refusal(run("learn", *curve_files, "-o", tmp_path / "a.h5", *options), code)
     assert all(word in said for word in words)
     assert list(tmp_path.iterdir()) == []
 

@@ -113,7 +113,7 @@ def test_every_deliberate_error_has_a_code_of_its_own():
 
 def test_control_characters_are_never_echoed_raw(run):
     result = run("inspect", "a\x1b[2Jb\u202e\n")
-    assert result.exit_code != 0
+    assert result.exit_code == 2
     assert "x1b[2Jb" in result.stderr
     assert "\x1b" not in result.stderr
     assert "\u202e" not in result.stderr
