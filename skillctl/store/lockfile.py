@@ -62,7 +62,7 @@ class Lock:
     path: Path
     skills: tuple[LockedSkill, ...]
 
-    def locate(self, reference: str, store: str | Path | None = None) -> Located:
+    def locate(self, reference: str | Path, store: str | Path | None = None) -> Located:
         """Return what a reference leads to: one that was locked, to the version that was locked.
 
         Any other may name a version itself. Whether the content is allowed is for ``require`` to say.
@@ -72,9 +72,10 @@ class Lock:
             NotFoundError: No such file, skill or version.
             NotLockedError: The lock does not name this version.
         """
-        parsed = parse_reference(reference)
+        parsed = reference if isinstance(reference, Path) else parse_reference(reference)
         if isinstance(parsed, Path):
             return existing_file(parsed)
+        reference = str(reference)
         registry = Registry(locate_store(store))
         same = [skill for skill in self.skills if skill.name == parsed.name]
         meant = {skill.version for skill in same if skill.reference == _without_latest(reference)}

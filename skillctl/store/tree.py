@@ -72,7 +72,7 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
             parts=parts,
             part_weights=tuple(skill.shares.tolist()),
             gate=skill.gate,
-            sharpness=float(skill.parameters.get("sharpness", 1.0)),
+            parameters=dict(skill.parameters),
             speed=float(skill.speed),
         )
     return CombinedNode(
@@ -129,8 +129,9 @@ def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     parts: Any = tuple(_skill(part, arrays, space) for part in node.parts)
     if isinstance(node, MergedNode):
         weights = np.array(node.part_weights)
-        parameters = {"sharpness": node.sharpness} if node.gate == "experts" else {}
-        return MergedSkill(parts, weights, node.gate, node.speed, parameters)
+        return MergedSkill(parts, weights, node.gate, node.speed, node.parameters)
+    if not isinstance(node, CombinedNode):
+        raise Refusal(f"/meta.json: skill: cannot be of kind {node.kind}")
     priors = np.array(node.part_priors)
     return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)
 
