@@ -50,6 +50,11 @@ def yes_no(value: bool | None) -> str:
     return NONE if value is None else ("yes" if value else "no")
 
 
+def maker(command: str, tool: str) -> str:
+    """Return what made a skill: a command of a version of skillctl, or a program in Python with it."""
+    return f"Python, with skillctl {tool}" if command == "python" else f"skillctl {tool} {command}"
+
+
 def proof(
     verdict: str, rate: float | None, period: float | None, scope: str = "global"
 ) -> tuple[tuple[str, str], ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -13,7 +12,7 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import read_document, read_once, write_file
+from skillctl.store.files import document_lines, read_document, read_once, write_file
 from skillctl.store.locating import locate, locate_store, upwards
 from skillctl.store.references import is_name, is_version, parse_reference
 from skillctl.store.registry import Located, Registry, existing_file
@@ -161,7 +160,7 @@ def read_lock(path: Path) -> Lock:
         StoreError: The system does not let us read it.
     """
     try:
-        document = read_document(path, MAX_LOCK_BYTES, InvalidLockError)
+        document = read_document(lambda: read_once(path, MAX_LOCK_BYTES), str(path), InvalidLockError)
     except NotFoundError:
         raise NotFoundError(
             f"{printable(str(path))}: there is no lock file.", hint="`skillctl lock SKILL…` writes one."
@@ -217,9 +216,7 @@ def _table(skill: LockedSkill) -> str:
     if skill.name is not None and skill.version is not None:
         values = {"reference": skill.reference, "name": skill.name, "version": skill.version}
     values["digest"] = skill.digest
-    # What JSON escapes, TOML reads; both are without control characters here.
-    lines = (f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in values.items())
-    return "".join(["\n[[skill]]\n", *lines])
+    return f"\n[[skill]]\n{document_lines(values)}"
 
 
 def locked_skill(reference: str, located: Located, digest: str, lock: Path) -> LockedSkill:

@@ -1,4 +1,4 @@
-"""What files of format 1 state in its own way is read in the form of the current one, and no more than that."""
+"""What files of format 1 state in its own way is read in the current form, and no more than that."""
 
 import json
 from io import BytesIO

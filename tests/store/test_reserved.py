@@ -10,7 +10,7 @@ from skillctl.store import errors, layout
 
 
 def coordinates(**instead):
-    """An edit that adds arrays for two learned shears of three bumps each; the good skill has 4 leaves in 2-D."""
+    """An edit that adds two learned shears of three bumps each; the good skill has four leaves in 2-D."""
     arrays = {
         "linear": np.stack([np.eye(2)] * 4),
         "directions": np.eye(2),
