@@ -30,7 +30,7 @@ from skillctl.store.schema import (
     parse_meta,
     require_ties,
 )
-from skillctl.store.tree import model_arrays, node_of, skill_of
+from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +150,7 @@ def _refuse_reserved(meta: Meta, arrays: Mapping[str, Array]) -> None:
         "learned coordinates": any(path.startswith("coordinates/") for path in arrays),
         "a chain of skills": meta.skill.kind == "chain",
         f"the command {command}": command in {"adapt", "chain"},
+        **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
     }
     if used := [what for what, there in reserved.items() if there]:
         raise LaterFeature(" and ".join(used))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from skillctl.model.gates import MERGE_GATES
 from skillctl.store.errors import (
     InvalidArtifactError,
     Refusal,
@@ -73,21 +72,29 @@ def _from_1_to_2(meta: dict[str, Any]) -> dict[str, Any]:
     return changed
 
 
+# What there was in format 1, by kind of skill.
+_GATES_OF_1 = {
+    "seds": (),
+    "merged": ("superposition", "density", "experts"),
+    "combined": ("latched", "instantaneous"),
+}
+
+
 def _node_from_1(node: Any) -> Any:
-    _require_known(node, "skill", "kind", ("seds", "merged", "combined"))
-    if not isinstance(node, dict):
+    _require_known(node, "skill", "kind", tuple(_GATES_OF_1))
+    if not isinstance(node, dict) or not isinstance(node.get("kind"), str):
         return node
+    _require_known(node, "skill", "gate", _GATES_OF_1[node["kind"]])
     changed = dict(node)
     if isinstance(node.get("parts"), list):
         changed["parts"] = [_node_from_1(part) for part in node["parts"]]
-    if node.get("kind") == "merged":
+    if node["kind"] == "merged":
         sharpness = changed.pop("sharpness", None)
         if type(sharpness) not in (int, float) or not sharpness >= 1:
             raise Refusal("/meta.json: skill: sharpness: must be a number of at least 1")
         if "parameters" in node:
             raise Refusal("/meta.json: skill: parameters: not part of format 1")
-        taken = {p.name for gate in MERGE_GATES if gate.name == node.get("gate") for p in gate.parameters}
-        changed["parameters"] = {"sharpness": sharpness} if "sharpness" in taken else {}
+        changed["parameters"] = {"sharpness": sharpness} if node.get("gate") == "experts" else {}
     return changed
 
 
@@ -95,7 +102,7 @@ def _require_known(holder: Any, where: str, key: str, known: tuple[str, ...]) ->
     """Refuse a value that came with a later format; what is no text is for the schema to refuse."""
     value = holder.get(key) if isinstance(holder, dict) else None
     if isinstance(value, str) and value not in known:
-        raise Refusal(f"/meta.json: {where}.{key}: format 1 has {', '.join(known)}")
+        raise Refusal(f"/meta.json: {where}.{key}: format 1 has {', '.join(known) or 'none'} here")
 
 
 _STEPS: tuple[Callable[[dict[str, Any]], dict[str, Any]], ...] = (_from_1_to_2,)

@@ -10,6 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.seds import SedsSkill
@@ -82,6 +83,20 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
         disturbance_distance=float(skill.disturbance_distance),
         speed=float(skill.speed),
     )
+
+
+def unknown_gates(node: Node) -> list[str]:
+    """Return the gates in a tree that no skill of this build can have."""
+    if isinstance(node, SedsNode):
+        return []
+    gates = [gate for part in node.parts for gate in unknown_gates(part)]
+    if isinstance(node, MergedNode):
+        known = {gate.name for gate in MERGE_GATES}
+    elif isinstance(node, CombinedNode):
+        known = {gate.name for gate in COMBINE_GATES}
+    else:
+        return gates
+    return gates if node.gate in known else [node.gate, *gates]
 
 
 def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:

@@ -89,7 +89,7 @@ def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
     command, results = RECORDED[type(skill)]
     provenance = store.Provenance(
         inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
-        parents=tuple(parent(number) for number in range(1, len(getattr(skill, "parts", (skill,))) + 1)),
+        parents=tuple(parent(number) for number in range(1, max(1, len(skill.parts)) + 1)),
         tool="0.1.0",
         libraries={"numpy": "2.0.0"},
     )

@@ -57,7 +57,7 @@ def test_metadata_is_strict_json(refuse, with_meta, text, cause):
     ('"seed": 7', '"seed": -1', "operation.seed: "),
     ('"kind": "combined"', '"kind": "seds"', "skill"),
     ('"kind": "combined"', '"kind": "average"', "skill"),
-    ('"gate": "instantaneous"', '"gate": "sometimes"', "gate"),
+    ('"gate": "instantaneous"', '"gate": "Sometimes"', "gate"),
     ('"sharpness": 2.5', '"sharpness": 0.5', "sharpness: must be at least 1, got 0.5"),
     ('"sharpness": 2.5', '"sharpness": true', "parameters.sharpness"),
     ('"sharpness": 2.5', '"sharpness": [2.5]', "parameters.sharpness"),

@@ -77,8 +77,16 @@ def part_of(meta):
         (lambda meta: meta["skill"].update(sharpness=True), "sharpness: must be a number of at least 1"),
         (lambda meta: meta["skill"].update(parameters={}), "parameters: not part of format 1"),
         (lambda meta: part_of(meta).update(sharpness=2.0), "sharpness: Extra inputs are not permitted"),
-        (lambda meta: part_of(meta).update(kind="chain"), "skill.kind: format 1 has seds, merged, combined"),
-        (lambda meta: meta["skill"].update(kind="chain"), "skill.kind: format 1 has seds, merged, combined"),
+        (
+            lambda meta: part_of(meta).update(kind="chain"),
+            "kind: format 1 has seds, merged, combined here",
+        ),
+        (
+            lambda meta: meta["skill"].update(kind="chain"),
+            "kind: format 1 has seds, merged, combined here",
+        ),
+        (lambda meta: meta["skill"].update(gate="avoiding"), "gate: format 1 has superposition, density, "),
+        (lambda meta: part_of(meta).update(gate="experts"), "skill.gate: format 1 has none here"),
         (lambda meta: meta["state"].update(kind="pose"), "state.kind: format 1 has euclidean"),
         (
             lambda meta: meta["state"].update(kind="pose", characteristic_length=1.0),

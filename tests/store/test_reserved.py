@@ -42,6 +42,16 @@ def adapted(meta):
     return {**meta, "operation": {**meta["operation"], "command": "adapt"}}
 
 
+def gated(meta, gate="avoiding"):
+    return {**meta, "skill": {**meta["skill"], "gate": gate}}
+
+
+def gated_below(meta):
+    first, *others = meta["skill"]["parts"]
+    first = {**first, "gate": "latched", "parameters": {"anything": -1}}  # no gate of merged skills
+    return {**meta, "skill": {**meta["skill"], "parts": [first, *others]}}
+
+
 def stored(meta) -> bytes:
     return json.dumps(meta).encode()
 
@@ -52,6 +62,9 @@ def stored(meta) -> bytes:
         (pose, "poses"),
         (chain, "a chain of skills and the command chain"),
         (adapted, "the command adapt"),
+        (gated, "the gate avoiding"),
+        (lambda meta: gated(meta, "experts"), "the gate experts"),
+        (gated_below, "the gate latched"),
         (lambda meta: adapted(pose(meta)), "poses and the command adapt"),
     ],
 )

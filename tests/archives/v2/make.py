@@ -109,7 +109,7 @@ def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command:
         ),
         store.Provenance(
             inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
-            parents=(parent,) * len(getattr(skill, "parts", (skill,))),
+            parents=(parent,) * max(1, len(skill.parts)),
             tool="0.2.0",
             libraries={"numpy": "2.0.0"},
             date="2020-02-29T12:00:00Z",
