@@ -231,7 +231,7 @@ def _how(node: Node) -> list[str]:
 
 def _origin(report: InspectReport) -> render.Facts:
     provenance = report.provenance
-    items = [("made by", f"skillctl {provenance.tool} {report.operation.command}")]
+    items = [("made by", words.maker(report.operation.command, provenance.tool))]
     items += [
         (
             parent.role,

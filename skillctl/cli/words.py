@@ -52,6 +52,11 @@ def yes_no(value: bool | None) -> str:
     return NONE if value is None else ("yes" if value else "no")
 
 
+def maker(command: str, tool: str) -> str:
+    """Return what made a skill: a command of a version of skillctl, or a program in Python with it."""
+    return f"Python, with skillctl {tool}" if command == "python" else f"skillctl {tool} {command}"
+
+
 def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
     """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
     local = "" if certificate.scope == "global" else f" ({certificate.scope} proof)"

@@ -2,6 +2,8 @@
 
 Names are imported on first use, so that listing a store loads neither HDF5 nor pydantic.
 """
+# mypy: implicit-reexport
+# ruff: noqa: F401 - what follows is what this package offers
 
 from __future__ import annotations
 
@@ -49,97 +51,28 @@ if TYPE_CHECKING:
     )
     from skillctl.store.writer import encode, require_room_for_records
 
-_MODULES = {
-    "artifact": ("Artifact", "contents_of", "metadata_of"),
-    "files": ("write_file",),
-    "locating": ("locate", "locate_store", "resolve"),
-    "lockfile": (
-        "Lock",
-        "LockedSkill",
-        "is_lock",
-        "locate_again",
-        "locate_lock",
-        "lock_text",
-        "locked_skill",
-        "read_lock",
-        "write_lock",
-    ),
-    "provenance": ("current_provenance", "input_fingerprint", "input_record"),
-    "reader": ("decode", "digest_of", "read_skill"),
-    "references": ("Reference", "parse_reference"),
-    "registry": ("Located", "Registry", "StoredVersion"),
-    "schema": (
-        "DemonstrationReport",
-        "InputRecord",
-        "Operation",
-        "ParentRecord",
-        "Provenance",
-        "label",
-        "metadata_schema",
-    ),
-    "seal": ("Header", "read_header"),
-    "signing": (
-        "Signature",
-        "add_signature",
-        "make_signature",
-        "read_private_key",
-        "read_public_key",
-        "read_signatures",
-        "signature_state",
-        "signatures_path",
-    ),
-    "writer": ("encode", "require_room_for_records"),
-}
-_HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = [
-    "Artifact",
-    "DemonstrationReport",
-    "Header",
-    "InputRecord",
-    "Located",
-    "Lock",
-    "LockedSkill",
-    "Operation",
-    "ParentRecord",
-    "Provenance",
-    "Reference",
-    "Registry",
-    "Signature",
-    "StoredVersion",
-    "add_signature",
-    "contents_of",
-    "current_provenance",
-    "decode",
-    "digest_of",
-    "encode",
-    "input_fingerprint",
-    "input_record",
-    "is_lock",
-    "label",
-    "locate",
-    "locate_again",
-    "locate_lock",
-    "locate_store",
-    "lock_text",
-    "locked_skill",
-    "make_signature",
-    "metadata_of",
-    "metadata_schema",
-    "parse_reference",
-    "read_header",
-    "read_lock",
-    "read_private_key",
-    "read_public_key",
-    "read_signatures",
-    "read_skill",
-    "require_room_for_records",
-    "resolve",
-    "signature_state",
-    "signatures_path",
-    "write_file",
-    "write_lock",
-]
+# The same for the run time; a test holds the two together.
+_HOMES = {
+    name: module
+    for module, names in {
+        "artifact": "Artifact contents_of metadata_of",
+        "files": "write_file",
+        "locating": "locate locate_store resolve",
+        "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock "
+        "write_lock",
+        "provenance": "current_provenance input_fingerprint input_record",
+        "reader": "decode digest_of read_skill",
+        "references": "Reference parse_reference",
+        "registry": "Located Registry StoredVersion",
+        "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance label metadata_schema",
+        "seal": "Header read_header",
+        "signing": "Signature add_signature make_signature read_private_key read_public_key read_signatures "
+        "signature_state signatures_path",
+        "writer": "encode require_room_for_records",
+    }.items()
+    for name in names.split()
+}
 
 
 def __getattr__(name: str) -> Any:

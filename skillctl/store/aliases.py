@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
+from skillctl.store.backend import Backend
 from skillctl.store.errors import InvalidRefsError
-from skillctl.store.files import read_document, write_file
+from skillctl.store.files import document_lines, read_document
 from skillctl.store.references import is_version, is_word
 
 REFS_FILE = "refs.toml"
@@ -34,19 +34,21 @@ def require_alias(text: str) -> str:
     return text
 
 
-def read_aliases(directory: Path) -> dict[str, int]:
-    """Return the version of each alias of the skill in ``directory``, by alias; none without the file.
+def read_aliases(backend: Backend, name: str) -> dict[str, int]:
+    """Return the version of each alias of a skill, by alias; none without the file.
 
     Raises:
         InvalidRefsError: The file is not TOML, or says something else than versions of aliases.
         StoreError: The system does not let us read it.
     """
-    path = directory / REFS_FILE
+    shown = f"{backend.place}/{name}/{REFS_FILE}"
     try:
-        document = read_document(path, MAX_REFS_BYTES, InvalidRefsError)
+        document = read_document(
+            lambda: backend.read(name, REFS_FILE, MAX_REFS_BYTES), shown, InvalidRefsError
+        )
     except NotFoundError:
         return {}
-    return dict(sorted(_checked(document, str(path)).items()))
+    return dict(sorted(_checked(document, shown).items()))
 
 
 def _checked(document: Mapping[str, Any], path: str) -> dict[str, int]:
@@ -61,15 +63,11 @@ def _checked(document: Mapping[str, Any], path: str) -> dict[str, int]:
     return aliases
 
 
-def write_aliases(directory: Path, aliases: Mapping[str, int]) -> None:
-    """Replace the aliases of the skill in ``directory``: afterwards the file is old or new, whole.
+def write_aliases(backend: Backend, name: str, aliases: Mapping[str, int]) -> None:
+    """Replace the aliases of a skill: afterwards the file is old or new, whole.
 
     Raises:
         StoreError: No permission, no space.
     """
-    lines = (f"{_key(alias)} = {version}\n" for alias, version in sorted(aliases.items()))
-    write_file(directory / REFS_FILE, (_HEADING + "".join(lines)).encode("ascii"))
-
-
-def _key(alias: str) -> str:
-    return f'"{alias}"' if "." in alias else alias  # a bare dot would nest tables
+    text = _HEADING + document_lines(dict(sorted(aliases.items())))
+    backend.replace(name, REFS_FILE, text.encode("ascii"))

@@ -16,8 +16,9 @@ from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean
 from skillctl.store.canonical import dump_canonical, load_strict
-from skillctl.store.errors import Refusal, require_format
+from skillctl.store.errors import LaterFeature, Refusal
 from skillctl.store.layout import META, Array, content_digest
+from skillctl.store.migrations import migrated, require_format
 from skillctl.store.schema import (
     WITHOUT_TIDYING,
     DemonstrationReport,
@@ -27,8 +28,9 @@ from skillctl.store.schema import (
     first_complaint,
     label,
     parse_meta,
+    require_ties,
 )
-from skillctl.store.tree import model_arrays, node_of, skill_of
+from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +77,15 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
     """Return the content of an artifact as arrays by path, ``meta.json`` among them.
 
     Raises:
-        InvalidModelError: A text that the format does not allow, such as a name with control characters.
+        InvalidModelError: A text that the format does not allow, such as a name with control characters; or
+            an operation that does not make such a skill.
     """
-    text = dump_canonical(metadata_of(artifact))
+    meta = _meta_of(artifact)
+    try:
+        require_ties(meta)
+    except Refusal as reason:
+        raise InvalidModelError(f"this skill cannot be stored: {reason}.") from None
+    text = dump_canonical(meta.model_dump(mode="json"))
     return {**contents_of(artifact), META: np.frombuffer(text, dtype=np.uint8)}
 
 
@@ -91,30 +99,37 @@ def metadata_of(artifact: Artifact) -> dict[str, Any]:
     return _meta_of(artifact).model_dump(mode="json")
 
 
-def artifact_of(arrays: Mapping[str, Array], name: str) -> Artifact:
+def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifact:
     """Return the artifact that ``arrays`` hold.
 
+    Args:
+        arrays: By path.
+        name: What the file is called in messages.
+        version: The format version that its seal states.
+
     Raises:
-        ArtifactError: Metadata of another format version.
+        ArtifactError: Metadata of a format version that is not read.
+        LaterFeature: A part of the format that this build cannot use.
         Refusal, InvalidModelError, InputDataError: Contents that break a rule of the format.
     """
     for path, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise Refusal(f"/{path}: must be finite")
-    meta = _load_meta(arrays[META], name)
-    space = Euclidean(meta.state.names, meta.state.unit, meta.state.frame, meta.state.kind)
+    meta = _load_meta(arrays[META], name, version)
+    _refuse_reserved(meta, arrays)
+    space = Euclidean(meta.state.names, meta.state.unit, meta.state.frame)
     d = arrays["model/means"].shape[1]
     if space.dimension != d or len(set(space.names)) != d:
         raise Refusal(f"/meta.json: state.names: expected {d} different names")
     skill = skill_of(meta.skill, arrays, space)
     demonstrations = _demonstrations_of(arrays, meta.demonstrations, len(skill.leaves), space)
     artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports)
-    # The file's own digest counts: a build that writes more metadata would compute another one.
-    artifact.__dict__["digest"] = content_digest(arrays)
+    # The file's own digest counts: a build that writes another format would compute another one.
+    artifact.__dict__["digest"] = content_digest(arrays, version)
     return artifact
 
 
-def _load_meta(stored: Array, name: str) -> Meta:
+def _load_meta(stored: Array, name: str, version: int) -> Meta:
     try:
         value = load_strict(stored.tobytes())
     except Refusal as reason:
@@ -122,7 +137,23 @@ def _load_meta(stored: Array, name: str) -> Meta:
     if not isinstance(value, dict):
         raise Refusal(f"/{META}: not an object")
     require_format(name, value.get("format"))
-    return parse_meta(value)
+    if value["format"] != version:
+        raise Refusal(f"/{META}: format: must be {version}, as its seal states")
+    return parse_meta(migrated(value, version), version)
+
+
+def _refuse_reserved(meta: Meta, arrays: Mapping[str, Array]) -> None:
+    """Raise LaterFeature for what the format has, and this build has not."""
+    command = meta.operation.command
+    reserved = {
+        "poses": meta.state.kind == "pose",
+        "learned coordinates": any(path.startswith("coordinates/") for path in arrays),
+        "a chain of skills": meta.skill.kind == "chain",
+        f"the command {command}": command in {"adapt", "chain"},
+        **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
+    }
+    if used := [what for what, there in reserved.items() if there]:
+        raise LaterFeature(" and ".join(used))
 
 
 def _meta_of(artifact: Artifact) -> Meta:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import secrets
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -32,12 +33,14 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
         return file.read(limit + 1)
 
 
-def read_document(path: Path, limit: int, invalid: Callable[[str, str], ArtifactError]) -> dict[str, Any]:
+def read_document(
+    read: Callable[[], bytes], name: str, invalid: Callable[[str, str], ArtifactError]
+) -> dict[str, Any]:
     """Return the document in one of the store's own TOML files.
 
     Args:
-        path: The file.
-        limit: Bytes that it may have.
+        read: Reads it.
+        name: What the file is called in messages.
         invalid: Makes the error for a file, by name, that is none, and the reason.
 
     Raises:
@@ -48,13 +51,23 @@ def read_document(path: Path, limit: int, invalid: Callable[[str, str], Artifact
     from skillctl.toml_files import parse_toml  # late: few commands meet such a file
 
     try:
-        data = read_once(path, limit)
+        return parse_toml(read())
     except NotAnArtifactError as error:
-        raise invalid(str(path), error.reason) from None
-    try:
-        return parse_toml(data)
+        raise invalid(name, error.reason) from None
     except ValueError as error:
-        raise invalid(str(path), f"not TOML ({error})") from None
+        raise invalid(name, f"not TOML ({error})") from None
+
+
+def document_lines(values: Mapping[str, str | int]) -> str:
+    """Return the lines of a TOML table; keys and texts have no control characters, which TOML does not take.
+
+    Both are few and plain here, so that a review can read them: a library would be more than these lines.
+    """
+    lines = []
+    for key, value in values.items():
+        word = json.dumps(key) if "." in key else key  # a bare dot would nest tables
+        lines.append(f"{word} = {json.dumps(value, ensure_ascii=False)}\n")  # what JSON escapes, TOML reads
+    return "".join(lines)
 
 
 def read_beginning(path: Path, length: int, limit: int = MAX_FILE_BYTES) -> tuple[bytes, int]:

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.store.errors import Refusal
-
-FORMAT_MARK = b"skill-v1"  # value of the attribute `format` of the root group
+from skillctl.store.migrations import FORMAT_VERSION, mark_of
 
 META = "meta.json"
 MAX_ARRAY_BYTES = 32 << 20
@@ -24,10 +23,11 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class ArraySpec:
-    """Element type (NumPy, little-endian) and the names of the lengths of an array."""
+    """Element type (NumPy, little-endian), the names of the lengths of an array, and its first format."""
 
     dtype: str
     lengths: tuple[str, ...]
+    since: int = 1
 
     def nbytes(self, shape: tuple[int, ...]) -> int:
         """Size of an array of this type and shape; Python integers do not overflow."""
@@ -35,7 +35,8 @@ class ArraySpec:
 
 
 # B bytes of metadata; K components, M density components and L leaves of the skill tree, stacked from left
-# to right; d dimensions; D demonstrations with N samples altogether. Lengths of one name are equal.
+# to right; d dimensions; D demonstrations with N samples altogether; S learned shears of J bumps each.
+# Lengths of one name are equal.
 ARRAYS: dict[str, ArraySpec] = {
     META: ArraySpec("<u1", ("B",)),
     "model/priors": ArraySpec("<f8", ("K",)),
@@ -52,17 +53,38 @@ ARRAYS: dict[str, ArraySpec] = {
     "demonstrations/times": ArraySpec("<f8", ("N",)),
     "demonstrations/offsets": ArraySpec("<i8", ("D+1",)),
     "demonstrations/part": ArraySpec("<i8", ("D",)),
+    "coordinates/linear": ArraySpec("<f8", ("L", "d", "d"), since=2),
+    "coordinates/directions": ArraySpec("<f8", ("S", "d"), since=2),
+    "coordinates/centres": ArraySpec("<f8", ("S", "J"), since=2),
+    "coordinates/widths": ArraySpec("<f8", ("S",), since=2),
+    "coordinates/coefficients": ArraySpec("<f8", ("S", "J", "d"), since=2),
+    "coordinates/leaf": ArraySpec("<i8", ("S",), since=2),
 }
-OPTIONAL_GROUP = "demonstrations"  # present as a whole, or absent when no leaf keeps demonstrations
+# Each is present as a whole, or absent: no leaf keeps demonstrations; all leaves move in the measured state.
+OPTIONAL_GROUPS = {"demonstrations", "coordinates"}
 
-MAX_LENGTHS = {"B": 1 << 16, "K": 4096, "M": 4096, "L": 256, "d": 64, "D": 4096, "D+1": 4097, "N": 1 << 22}
+MAX_LENGTHS = {
+    "B": 1 << 16,
+    "K": 4096,
+    "M": 4096,
+    "L": 256,
+    "d": 64,
+    "D": 4096,
+    "D+1": 4097,
+    "N": 1 << 22,
+    "S": 4096,
+    "J": 64,
+}
 
 
-def members(group: str, *, complete: bool = True) -> set[str]:
-    """Return the names that belong into a group, "" being the root."""
+def members(group: str, version: int) -> set[str]:
+    """Return the names that a format version knows in a group, "" being the root."""
     prefix = f"{group}/" if group else ""
-    names = {path.removeprefix(prefix).split("/")[0] for path in ARRAYS if path.startswith(prefix)}
-    return names if complete else names - {OPTIONAL_GROUP}
+    return {
+        path.removeprefix(prefix).split("/")[0]
+        for path, spec in ARRAYS.items()
+        if path.startswith(prefix) and spec.since <= version
+    }
 
 
 def require_layout(shapes: Mapping[str, tuple[int, ...]]) -> None:
@@ -87,12 +109,12 @@ def require_layout(shapes: Mapping[str, tuple[int, ...]]) -> None:
         raise Refusal(f"/demonstrations/offsets: D+1 is {found['D+1']}, but D is {found['D']}")
 
 
-def content_digest(arrays: Mapping[str, Array]) -> str:
+def content_digest(arrays: Mapping[str, Array], version: int = FORMAT_VERSION) -> str:
     """Return ``sha256:…`` over path, type, shape and bytes of every array: the skill's identity.
 
-    It does not depend on how HDF5 lays the arrays out in a file.
+    It does not depend on how HDF5 lays the arrays out in a file, but on the format they are written in.
     """
-    digest = hashlib.sha256(FORMAT_MARK + b"\n")
+    digest = hashlib.sha256(mark_of(version) + b"\n")
     for path in sorted(arrays):
         spec = ARRAYS[path]
         array = np.ascontiguousarray(arrays[path], dtype=spec.dtype)

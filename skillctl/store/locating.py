@@ -34,14 +34,17 @@ def upwards(name: str) -> list[Path]:
     return [directory / name for directory in (here, *here.parents)]
 
 
-def locate(reference: str, store: str | Path | None = None) -> Located:
-    """Return what a reference leads to, in the store that ``locate_store`` finds; see ``Registry.locate``."""
-    parsed = parse_reference(reference)
-    return (
-        existing_file(parsed) if isinstance(parsed, Path) else Registry(locate_store(store)).locate(reference)
-    )
+def locate(reference: str | Path, store: str | Path | None = None) -> Located:
+    """Return what a reference leads to, in the store that ``locate_store`` finds; see ``Registry.locate``.
+
+    A ``Path`` is always a file.
+    """
+    parsed = reference if isinstance(reference, Path) else parse_reference(reference)
+    if isinstance(parsed, Path):
+        return existing_file(parsed)
+    return Registry(locate_store(store)).locate(str(reference))
 
 
-def resolve(reference: str, store: str | Path | None = None) -> Path:
-    """Return the file that a reference names; see ``Registry.locate``."""
+def resolve(reference: str | Path, store: str | Path | None = None) -> Path:
+    """Return the file that a reference names; see ``locate``."""
     return locate(reference, store).path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -13,7 +12,7 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import read_document, read_once, write_file
+from skillctl.store.files import document_lines, read_document, read_once, write_file
 from skillctl.store.locating import locate, locate_store, upwards
 from skillctl.store.references import is_name, is_version, parse_reference
 from skillctl.store.registry import Located, Registry, existing_file
@@ -62,7 +61,7 @@ class Lock:
     path: Path
     skills: tuple[LockedSkill, ...]
 
-    def locate(self, reference: str, store: str | Path | None = None) -> Located:
+    def locate(self, reference: str | Path, store: str | Path | None = None) -> Located:
         """Return what a reference leads to: one that was locked, to the version that was locked.
 
         Any other may name a version itself. Whether the content is allowed is for ``require`` to say.
@@ -72,9 +71,10 @@ class Lock:
             NotFoundError: No such file, skill or version.
             NotLockedError: The lock does not name this version.
         """
-        parsed = parse_reference(reference)
+        parsed = reference if isinstance(reference, Path) else parse_reference(reference)
         if isinstance(parsed, Path):
             return existing_file(parsed)
+        reference = str(reference)
         registry = Registry(locate_store(store))
         same = [skill for skill in self.skills if skill.name == parsed.name]
         meant = {skill.version for skill in same if skill.reference == _without_latest(reference)}
@@ -160,7 +160,7 @@ def read_lock(path: Path) -> Lock:
         StoreError: The system does not let us read it.
     """
     try:
-        document = read_document(path, MAX_LOCK_BYTES, InvalidLockError)
+        document = read_document(lambda: read_once(path, MAX_LOCK_BYTES), str(path), InvalidLockError)
     except NotFoundError:
         raise NotFoundError(
             f"{printable(str(path))}: there is no lock file.", hint="`skillctl lock SKILL…` writes one."
@@ -216,9 +216,7 @@ def _table(skill: LockedSkill) -> str:
     if skill.name is not None and skill.version is not None:
         values = {"reference": skill.reference, "name": skill.name, "version": skill.version}
     values["digest"] = skill.digest
-    # What JSON escapes, TOML reads; both are without control characters here.
-    lines = (f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in values.items())
-    return "".join(["\n[[skill]]\n", *lines])
+    return f"\n[[skill]]\n{document_lines(values)}"
 
 
 def locked_skill(reference: str, located: Located, digest: str, lock: Path) -> LockedSkill:

@@ -7,15 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from skillctl.store.errors import Refusal, require_format
+from skillctl.store.errors import Refusal
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import (
-    ARRAYS,
-    FORMAT_MARK,
-    OPTIONAL_GROUP,
-    members,
-    require_layout,
-)
+from skillctl.store.layout import ARRAYS, OPTIONAL_GROUPS, members, require_layout
+from skillctl.store.migrations import FORMAT_VERSION, mark_of, require_format
 
 h5a, h5d, h5g, h5l, h5o, h5s, h5t = (
     getattr(h5py, module) for module in ("h5a", "h5d", "h5g", "h5l", "h5o", "h5s", "h5t")
@@ -24,10 +19,10 @@ h5a, h5d, h5g, h5l, h5o, h5s, h5t = (
 STORED_TYPES = {"<f8": h5t.IEEE_F64LE, "<i8": h5t.STD_I64LE, "<u1": h5t.STD_U8LE}
 MARK_NAME = b"format"
 MAX_MARK_BYTES = 32
-MAX_MEMBERS = max(len(members("")), len(members("model")))  # no group of the format has more
+MAX_MEMBERS = max(len(members(group, FORMAT_VERSION)) for group in ("", "model"))  # no group has more
 
 
-def checked_datasets(root: Any, name: str) -> dict[str, Any]:
+def checked_datasets(root: Any, name: str, version: int) -> dict[str, Any]:
     """Return the open datasets of an artifact by path, all of them checked, none of them read.
 
     Only objects that the format names are opened, so what else a file may hold is never touched.
@@ -35,14 +30,15 @@ def checked_datasets(root: Any, name: str) -> dict[str, Any]:
     Args:
         root: Low-level identifier of the root group.
         name: What the file is called in messages.
+        version: The format version that its seal states.
 
     Raises:
-        ArtifactError: Another format version.
+        ArtifactError: A format version that is not read.
         Refusal: Anything the format does not allow.
     """
-    _require_mark(root, name)
+    _require_mark(root, name, version)
     datasets: dict[str, Any] = {}
-    _collect(root, "", {h5o.get_info(root).addr}, datasets)
+    _collect(root, "", {h5o.get_info(root).addr}, datasets, version)
     shapes = {path: _shape(path, dataset) for path, dataset in datasets.items()}
     require_layout(shapes)
     for path, dataset in datasets.items():
@@ -51,7 +47,7 @@ def checked_datasets(root: Any, name: str) -> dict[str, Any]:
     return datasets
 
 
-def _require_mark(root: Any, name: str) -> None:
+def _require_mark(root: Any, name: str, version: int) -> None:
     """The root group carries one attribute, which states the format once more, inside the body."""
     if h5a.get_num_attrs(root) != 1 or not h5a.exists(root, MARK_NAME):
         raise Refusal("the root group must have one attribute, `format`")
@@ -63,14 +59,14 @@ def _require_mark(root: Any, name: str) -> None:
     value = np.empty((), f"S{kind.get_size()}")
     attribute.read(value)
     mark = value.tobytes().rstrip(b"\0")
-    if mark != FORMAT_MARK:
-        version = re.fullmatch(rb"skill-v(\d{1,9})", mark)
-        require_format(name, int(version[1]) if version else mark.decode("ascii", "replace"))
-        raise Refusal(f"the attribute `format` must be {FORMAT_MARK.decode()}")
+    if mark != mark_of(version):
+        stated = re.fullmatch(rb"skill-v(\d{1,9})", mark)
+        require_format(name, int(stated[1]) if stated else mark.decode("ascii", "replace"))
+        raise Refusal(f"the attribute `format` must be {mark_of(version).decode()}, as its seal states")
 
 
-def _collect(group: Any, prefix: str, seen: set[int], datasets: dict[str, Any]) -> None:
-    for member in _member_names(group, prefix):
+def _collect(group: Any, prefix: str, seen: set[int], datasets: dict[str, Any], version: int) -> None:
+    for member in _member_names(group, prefix, version):
         path = f"{prefix}{member}"
         kind = h5o.TYPE_DATASET if path in ARRAYS else h5o.TYPE_GROUP
         _require_own_object(group, member, path, kind, seen)
@@ -80,12 +76,12 @@ def _collect(group: Any, prefix: str, seen: set[int], datasets: dict[str, Any]) 
         if kind == h5o.TYPE_DATASET:
             datasets[path] = opened
         else:
-            _collect(opened, f"{path}/", seen, datasets)
+            _collect(opened, f"{path}/", seen, datasets, version)
 
 
-def _member_names(group: Any, prefix: str) -> list[str]:
+def _member_names(group: Any, prefix: str, version: int) -> list[str]:
     """Return the names in a group, which must be those of the format and no others."""
-    where, wanted = f"/{prefix}", members(prefix.rstrip("/"))
+    where, wanted = f"/{prefix}", members(prefix.rstrip("/"), version)
     count = group.get_num_objs()
     found: list[bytes] = []
 
@@ -100,7 +96,7 @@ def _member_names(group: Any, prefix: str) -> list[str]:
     names = {link.decode("utf-8", "backslashreplace") for link in found}
     if unknown := sorted(names - wanted):
         raise Refusal(f"{where}{unknown[0][:80]}: not part of the format")
-    if missing := sorted(wanted - names - {OPTIONAL_GROUP}):
+    if missing := sorted(wanted - names - OPTIONAL_GROUPS):
         raise Refusal(f"{where}{missing[0]}: missing")
     return sorted(names)
 

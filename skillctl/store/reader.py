@@ -11,7 +11,7 @@ import numpy as np
 
 from skillctl.errors import ArtifactError, InputDataError, InvalidModelError
 from skillctl.store.artifact import Artifact, artifact_of
-from skillctl.store.errors import InvalidArtifactError, Refusal
+from skillctl.store.errors import InvalidArtifactError, LaterFeature, LaterFeatureError, Refusal
 from skillctl.store.files import read_once
 from skillctl.store.hdf5 import h5py
 from skillctl.store.layout import Array, content_digest
@@ -39,7 +39,7 @@ def decode(data: bytes, name: str = "artifact") -> Artifact:
     """
     header, arrays = _read_arrays(data, name)
     with _refusing(name):
-        artifact = artifact_of(arrays, name)
+        artifact = artifact_of(arrays, name, header.format)
     require_stated(header, node_of(artifact.skill).kind, artifact.digest, name)
     return artifact
 
@@ -51,7 +51,7 @@ def digest_of(data: bytes, name: str = "artifact") -> str:
         ArtifactError: Damaged, or a layout that the format does not allow.
     """
     header, arrays = _read_arrays(data, name)
-    digest = content_digest(arrays)
+    digest = content_digest(arrays, header.format)
     require_stated(header, header.kind, digest, name)
     return digest
 
@@ -60,7 +60,7 @@ def _read_arrays(data: bytes, name: str) -> tuple[Header, dict[str, Array]]:
     """Return the header, and the arrays by path: seal first, then every rule, then the numbers."""
     header = require_seal(data, name)
     with _refusing(name), h5py.File(BytesIO(data), "r") as file:
-        datasets = checked_datasets(file.id, name)
+        datasets = checked_datasets(file.id, name, header.format)
         return header, {path: _read(dataset) for path, dataset in datasets.items()}
 
 
@@ -78,6 +78,8 @@ def _refusing(name: str) -> Iterator[None]:
             yield
     except ArtifactError:
         raise
+    except LaterFeature as feature:
+        raise LaterFeatureError(name, str(feature)) from None
     except (Refusal, InvalidModelError, InputDataError) as error:
         raise InvalidArtifactError(name, str(error).rstrip(".")) from error
     except Exception as error:  # h5py raises seven types of exception on contents it cannot read

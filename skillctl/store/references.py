@@ -78,3 +78,17 @@ def parse_reference(text: str) -> Path | Reference:
     if _DIGEST.fullmatch(selector) or is_word(selector):
         return Reference(name, selector)
     raise UsageError(f"{printable(text)[:80]!r}: no version can be named like that.", hint=EXAMPLES)
+
+
+def require_file_name(path: str | Path) -> Path:
+    """Return the path of a skill to be written, or raise UsageError if no text would name it afterwards."""
+    try:
+        file = parse_reference(str(path))
+    except UsageError:
+        file = None
+    if not isinstance(file, Path):
+        raise UsageError(
+            f"{printable(str(path))[:80]!r}: by this name the file could not be loaded again.",
+            hint="End it in .h5, or name a directory before it (./): any other word is a name in the store.",
+        )
+    return file

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, did_you_mean, printable
+from skillctl.errors import NotFoundError, SkillctlError, StoreError, did_you_mean, printable
 from skillctl.store.aliases import read_aliases, require_alias, write_aliases
-from skillctl.store.errors import UnsafeStoreError
-from skillctl.store.files import missing_file, read_once, system_errors
+from skillctl.store.backend import Backend
+from skillctl.store.files import missing_file, system_errors
+from skillctl.store.local import LocalBackend
 from skillctl.store.numbering import (
     existing_versions,
     highest_given,
-    locked,
+    remove_orphans,
     remove_versions,
-    sweep_signatures,
+    version_file,
 )
-from skillctl.store.publishing import Link, staged
-from skillctl.store.references import MAX_VERSION, is_name, parse_reference, require_name
-from skillctl.store.seal import read_header
+from skillctl.store.references import MAX_VERSION, Reference, is_name, parse_reference, require_name
+from skillctl.store.seal import SEAL_BYTES, Header, parse_header
 from skillctl.store.selection import select, unknown_alias, what_there_is
 
 PUBLISHED: list[str] = []  # by this process, for what it is told when it is interrupted later on
@@ -55,24 +55,26 @@ class Located:
 
 
 class Registry:
-    """A store of skills in a directory, which need not exist before the first publish."""
+    """A store of skills.
 
-    def __init__(self, root: Path) -> None:
-        self.root = Path(root)
+    Attributes:
+        backend: The place that keeps its files. A path stands for a directory of this machine, which need not
+            exist before the first publish.
+    """
+
+    def __init__(self, place: Path | Backend) -> None:
+        self.backend: Backend = LocalBackend(place) if isinstance(place, Path) else place
+
+    @property
+    def root(self) -> Path:
+        """The place of the store, for people."""
+        return Path(self.backend.place)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all skills that have a version, sorted."""
         with system_errors(f"list {self.root}"):
-            if not _is_directory(self.root):
-                return ()
-            entries = [entry for entry in os.scandir(self.root) if entry.is_dir(follow_symlinks=False)]
-            return tuple(
-                sorted(
-                    entry.name
-                    for entry in entries
-                    if is_name(entry.name) and existing_versions(Path(entry.path))
-                )
-            )
+            named = filter(is_name, self.backend.folders())
+            return tuple(sorted(name for name in named if existing_versions(self.backend.files(name))))
 
     def versions(self, name: str) -> tuple[int, ...]:
         """Return the version numbers of a skill, rising; none if there is no such skill.
@@ -83,13 +85,16 @@ class Registry:
         """
         require_name(name)
         with system_errors(f"list {self.root / name}"):
-            if not (_is_directory(self.root) and _is_directory(self.root / name)):
-                return ()
-            return existing_versions(self.root / name)
+            return existing_versions(self.backend.files(name))
 
     def path_of(self, name: str, version: int) -> Path:
         """Return where a version is, or would be, stored."""
-        return self.root / name / f"{version}.h5"
+        return self.backend.path(name, version_file(version))
+
+    def header(self, name: str, version: int) -> Header:
+        """Return what a version states in its first bytes; see ``seal.read_header``."""
+        file = version_file(version)
+        return parse_header(*self.backend.beginning(name, file, SEAL_BYTES), self._shown(name, file))
 
     def resolve(self, reference: str) -> Path:
         """Return the file that a reference names; see ``locate``."""
@@ -105,16 +110,26 @@ class Registry:
         parsed = parse_reference(reference)
         if isinstance(parsed, Path):
             return existing_file(parsed)
-        numbers = self.versions(parsed.name)
-        if not numbers:
-            raise self._unknown_name(parsed.name)
-        version = select(
-            parsed,
-            numbers,
-            lambda: self.aliases(parsed.name),
-            lambda number: self._stated_digest(parsed.name, number),
-        )
+        version = self.version_of(parsed)
         return Located(self.path_of(parsed.name, version), parsed.name, version)
+
+    def version_of(self, reference: Reference) -> int:
+        """Return the version that a reference means.
+
+        Raises:
+            UsageError: The beginning of more than one digest.
+            NotFoundError: No such skill or version.
+        """
+        name = reference.name
+        numbers = self.versions(name)
+        if not numbers:
+            raise self._unknown_name(name)
+        return select(
+            reference,
+            numbers,
+            lambda: self.aliases(name),
+            lambda number: self._stated_digest(name, number),
+        )
 
     def publish(self, name: str, data: bytes) -> StoredVersion:
         """Store an artifact as the next version of a skill, unless the newest version has its content.
@@ -143,13 +158,12 @@ class Registry:
         from skillctl.store.reader import digest_of
 
         digest = digest_of(data, f"the new version of {name}")
-        with system_errors(f"publish {name} in {self.root}"), self._opened(name) as directory:
-            version, created = self._newest_with(digest, name, directory), False
+        with system_errors(f"publish {name} in {self.root}"):
+            version, created = self._newest_with(digest, name), False
             if version is None:
-                with staged(directory, data) as link, locked(directory, shared=True):
-                    sweep_signatures(directory)
-                    version, created = self._link_next(link, digest, name, directory)
-                os.fsync(directory)
+                with self.backend.create(name, data) as call, self.backend.locked(name, shared=True):
+                    remove_orphans(self.backend, name)
+                    version, created = self._call_next(call, digest, name)
         return StoredVersion(name, version, self.path_of(name, version), digest, created)
 
     @contextmanager
@@ -168,14 +182,14 @@ class Registry:
 
     def _numbers_there(self, name: str) -> tuple[int, ...]:
         try:
-            return existing_versions(self.root / name)
-        except OSError:  # not there yet, or whoever publishes will be told why not
+            return existing_versions(self.backend.files(name))
+        except (OSError, SkillctlError):  # whoever publishes will be told why not
             return ()
 
     def _holds(self, name: str, version: int, data: bytes) -> bool:
         try:
-            return read_once(self.path_of(name, version)) == data
-        except (ArtifactError, NotFoundError, StoreError):
+            return self.backend.read(name, version_file(version)) == data
+        except SkillctlError:
             return False
 
     def aliases(self, name: str) -> dict[str, int]:
@@ -184,7 +198,7 @@ class Registry:
         Raises:
             InvalidRefsError: The file that holds them cannot be understood.
         """
-        return read_aliases(self.root / require_name(name))
+        return read_aliases(self.backend, require_name(name))
 
     def tag(self, name: str, version: int, alias: str) -> int | None:
         """Let an alias name a version, and return the one that it named before, if any.
@@ -195,13 +209,13 @@ class Registry:
             InvalidRefsError: The file that holds the aliases cannot be understood; it is left as it is.
         """
         require_alias(alias)
-        with self._changing(name) as directory:
-            if version not in existing_versions(directory):
+        with self._changing(name):
+            if version not in self.versions(name):
                 raise NotFoundError(f"{name} has no version {version}.", hint="`skillctl ls` lists them.")
             aliases = self.aliases(name)
             before = aliases.get(alias)
             if before != version:
-                write_aliases(self.root / name, {**aliases, alias: version})
+                write_aliases(self.backend, name, {**aliases, alias: version})
         return before
 
     def untag(self, name: str, alias: str) -> int:
@@ -216,7 +230,7 @@ class Registry:
             if alias not in aliases:
                 raise unknown_alias(name, printable(alias)[:80], aliases)
             version = aliases.pop(alias)
-            write_aliases(self.root / name, aliases)
+            write_aliases(self.backend, name, aliases)
         return version
 
     def remove(self, name: str, versions: Iterable[int]) -> dict[str, int]:
@@ -226,81 +240,63 @@ class Registry:
             NotFoundError: There is no such skill.
             InvalidRefsError: The file that holds the aliases cannot be understood; nothing is removed.
         """
-        with self._changing(name) as directory:
-            doomed = set(versions) & set(existing_versions(directory))
+        with self._changing(name):
+            doomed = set(versions) & set(self.versions(name))
             aliases = self.aliases(name)
             lost = {alias: version for alias, version in aliases.items() if version in doomed}
             if lost:
-                write_aliases(self.root / name, {a: v for a, v in aliases.items() if a not in lost})
-            remove_versions(directory, doomed)
+                write_aliases(self.backend, name, {a: v for a, v in aliases.items() if a not in lost})
+            remove_versions(self.backend, name, doomed)
         return lost
 
     @contextmanager
-    def _changing(self, name: str) -> Iterator[int]:
-        """Open the directory of a skill that exists, and keep all others from changing it."""
+    def _changing(self, name: str) -> Iterator[None]:
+        """Keep all others from changing a skill that exists."""
         if not self.versions(name):
             raise self._unknown_name(name)
-        doing = system_errors(f"change {name} in {self.root}")
-        with doing, self._opened(name) as directory, locked(directory):
-            sweep_signatures(directory)
-            yield directory
+        with system_errors(f"change {name} in {self.root}"), self.backend.locked(name):
+            remove_orphans(self.backend, name)
+            yield
 
-    def _link_next(self, link: Link, digest: str, name: str, directory: int) -> tuple[int, bool]:
-        """Give the staged file the next free number; return it, and whether that was needed."""
+    def _call_next(self, call: Callable[[str], None], digest: str, name: str) -> tuple[int, bool]:
+        """Give the new file the next free number; return it, and whether that was needed."""
         while True:
-            version = highest_given(directory) + 1
+            version = highest_given(self.backend.files(name)) + 1
             if version > MAX_VERSION:
                 raise StoreError(f"{name} has {MAX_VERSION} versions; no more fit.")
             try:
-                link(f"{version}.h5")
+                call(version_file(version))
             except FileExistsError:  # another process was faster: perhaps with the same content
-                existing = self._newest_with(digest, name, directory)
+                existing = self._newest_with(digest, name)
                 if existing is not None:
                     return existing, False
             else:
                 return version, True
 
-    @contextmanager
-    def _opened(self, name: str) -> Iterator[int]:
-        """Open the directory of a skill, made if need be, through no symbolic link."""
-        flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-        if not _is_directory(self.root):
-            self.root.mkdir(parents=True, exist_ok=True)
-        root = os.open(self.root, flags)
-        try:
-            if not _is_directory(self.root / name):
-                with suppress(FileExistsError):
-                    os.mkdir(name, dir_fd=root)
-                os.fsync(root)
-            directory = os.open(name, flags, dir_fd=root)
-        finally:
-            os.close(root)
-        try:
-            yield directory
-        finally:
-            os.close(directory)
-
-    def _newest_with(self, digest: str, name: str, directory: int) -> int | None:
+    def _newest_with(self, digest: str, name: str) -> int | None:
         """Return the newest version if it has this content."""
-        version = max(existing_versions(directory), default=0)
+        version = max(self.versions(name), default=0)
         return version if version and self._digest(name, version) == digest else None
 
     def _stated_digest(self, name: str, version: int) -> str | None:
         """Return the content digest that a version states; whoever reads the version checks it."""
         try:
-            return read_header(self.path_of(name, version)).digest
-        except (ArtifactError, NotFoundError, StoreError):
+            return self.header(name, version).digest
+        except SkillctlError:
             return None
 
     def _digest(self, name: str, version: int) -> str | None:
         """Return the content digest of a version, None if it cannot be read."""
         from skillctl.store.reader import digest_of
 
-        path = self.path_of(name, version)
+        file = version_file(version)
         try:
-            return digest_of(read_once(path), str(path))
-        except (ArtifactError, NotFoundError, StoreError):
+            return digest_of(self.backend.read(name, file), self._shown(name, file))
+        except SkillctlError:
             return None
+
+    def _shown(self, name: str, file: str) -> str:
+        return f"{self.backend.place}/{name}/{file}"
 
     def _unknown_name(self, name: str) -> NotFoundError:
         known = self.names()
@@ -313,13 +309,6 @@ class Registry:
         return NotFoundError(
             f"the store {printable(str(self.root))} has no skill {name}.", hint=printable(hint)
         )
-
-
-def _is_directory(path: Path) -> bool:
-    """Tell whether a directory stands at ``path``; a link to one is an error."""
-    if path.is_symlink():
-        raise UnsafeStoreError(str(path))
-    return path.is_dir()
 
 
 def existing_file(path: Path) -> Located:

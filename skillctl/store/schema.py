@@ -6,7 +6,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
@@ -19,12 +18,13 @@ from pydantic import (
     Field,
     ValidationError,
     ValidationInfo,
+    model_validator,
 )
 
 from skillctl.errors import UsageError, printable
-from skillctl.model.gates import combine_gate, merge_gate
+from skillctl.model.gates import MERGE_GATES, gate_parameters
 from skillctl.store.errors import Refusal
-from skillctl.store.seal import FORMAT_VERSION
+from skillctl.store.migrations import FORMAT_VERSION
 
 MAX_LABEL = 200
 MAX_TEXT = 1000
@@ -90,14 +90,6 @@ def _is_printable(text: str) -> str:
     return text
 
 
-def _known_gate(lookup: Callable[[str], object], name: str) -> str:
-    try:
-        lookup(name)
-    except UsageError as error:
-        raise ValueError(str(error)) from None
-    return name
-
-
 def _is_relative(path: str) -> str:
     if path.startswith(("/", "\\")) or re.match("[A-Za-z]:", path) or ".." in re.split(r"[/\\]", path):
         raise ValueError("must be a relative path that does not lead upwards")
@@ -113,6 +105,7 @@ Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}\z")]
 ContentDigest = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}\z")]
 Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ\z")]
+Event = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,63}( \d{1,6}(\.\d{1,9})?)?\z")]
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -144,9 +137,22 @@ class MergedNode(Strict):
     kind: Literal["merged"] = "merged"
     parts: Parts
     part_weights: Weights
-    gate: Annotated[str, AfterValidator(partial(_known_gate, merge_gate))]
-    sharpness: Annotated[float, Field(ge=1)]
+    gate: Key
+    parameters: dict[Key, float]
     speed: Positive
+
+    @model_validator(mode="after")
+    def _has_the_parameters_of_its_gate(self) -> MergedNode:
+        known = {gate.name: gate for gate in MERGE_GATES}
+        if self.gate not in known:  # a later build's; ``artifact`` refuses to use it
+            return self
+        try:
+            complete = gate_parameters(known[self.gate], self.parameters)
+        except UsageError as error:
+            raise ValueError(str(error).rstrip(".")) from None
+        if complete.keys() != self.parameters.keys():
+            raise ValueError(f"parameters: expected {', '.join(complete)}")
+        return self
 
 
 class CombinedNode(Strict):
@@ -155,41 +161,100 @@ class CombinedNode(Strict):
     kind: Literal["combined"] = "combined"
     parts: Parts
     part_priors: Weights
-    gate: Annotated[str, AfterValidator(partial(_known_gate, combine_gate))]
+    gate: Key
     disturbance_distance: Positive
     speed: Positive
 
 
+class ChainNode(Strict):
+    """Reserved: skills that act one after the other.
+
+    Attributes:
+        parts: In their order.
+        levels: A part hands over when its own V falls below its level; the last is done then.
+        events: What happens after each part: ``close``, ``open``, ``wait 0.5``.
+    """
+
+    kind: Literal["chain"] = "chain"
+    parts: Annotated[tuple[StageNode, ...], Field(strict=False, min_length=1)]
+    levels: Weights
+    events: Annotated[tuple[Annotated[tuple[Event, ...], Field(strict=False)], ...], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _has_a_level_and_events_for_each_part(self) -> ChainNode:
+        if not len(self.levels) == len(self.events) == len(self.parts):
+            raise ValueError("levels, events: expected one a part")
+        return self
+
+
 PartNode = Annotated[SedsNode | MergedNode, Field(discriminator="kind")]
 Parts = Annotated[tuple[PartNode, ...], Field(strict=False, min_length=1)]
-Node = Annotated[SedsNode | MergedNode | CombinedNode, Field(discriminator="kind")]
+StageNode = Annotated[SedsNode | MergedNode | CombinedNode, Field(discriminator="kind")]
+Node = Annotated[SedsNode | MergedNode | CombinedNode | ChainNode, Field(discriminator="kind")]
 
 
-class State(Strict):
-    """What the numbers of a state mean; see ``skillctl.model.Euclidean``."""
+class EuclideanState(Strict):
+    """What the numbers of a state mean; see ``skillctl.model.space.Euclidean``."""
 
     names: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
     unit: Literal["m", "rad"]
     frame: Name
-    kind: Literal["euclidean"]
+    kind: Literal["euclidean"] = "euclidean"
+
+
+class PoseState(Strict):
+    """Reserved: positions with orientations, which meet in one length [m/rad]."""
+
+    names: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
+    unit: Literal["m"]
+    frame: Name
+    kind: Literal["pose"] = "pose"
+    characteristic_length: Positive
+
+
+State = Annotated[EuclideanState | PoseState, Field(discriminator="kind")]
 
 
 class Operation(Strict):
     """The command that made the skill.
 
     Attributes:
-        command: Which one.
+        command: Which one; ``python`` is none: the skill was made or changed in Python, and saved.
         options: Every option that influenced the result, by its long name with underscores.
         seed: Of all random numbers; None where none were drawn.
         results: What came out, for people and reports: errors, iterations, warnings.
         note: What its maker wants to be remembered about it.
     """
 
-    command: Literal["learn", "merge", "combine"]
+    command: Literal["learn", "merge", "combine", "python", "adapt", "chain"]
     options: Facts = {}
     seed: Count | None = None
     results: Facts = {}
     note: Note | None = None
+
+
+class HeldOutResults(Strict):
+    """What ``learn --validate`` records in an operation's results; see ``skillctl.evaluate.errors``."""
+
+    held_out_demonstrations: Count
+    held_out_dtw: NotNegative | None
+    held_out_worst_dtw: NotNegative | None
+    held_out_arrived: Count
+
+
+class MergeResults(Strict):
+    """What every ``merge`` records besides other facts: where the common Lyapunov matrix is from."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    lyapunov: Literal["shared", "found", "refitted"]
+
+
+class CombineResults(MergeResults):
+    """What every ``combine`` records: what parts keep, and the Lyapunov matrix where one proof needs it."""
+
+    kept: tuple[NotNegative, ...]
+    lyapunov: Literal["shared", "found", "refitted"] | None = None  # type: ignore[assignment]
 
 
 class DemonstrationReport(Strict):
@@ -254,7 +319,7 @@ class Provenance(Strict):
 class Meta(Strict):
     """The whole of meta.json."""
 
-    format: Literal[1] = FORMAT_VERSION
+    format: Literal[2] = FORMAT_VERSION
     skill: Node
     state: State
     operation: Operation
@@ -276,12 +341,55 @@ def metadata_schema() -> dict[str, Any]:
     }
 
 
-def parse_meta(value: Any) -> Meta:
-    """Return the checked metadata, or raise Refusal naming the first field that is wrong."""
+def parse_meta(value: Any, version: int = FORMAT_VERSION) -> Meta:
+    """Return the checked metadata, or raise Refusal naming the first field that is wrong.
+
+    Args:
+        value: What meta.json holds, in the current form.
+        version: The format of the file; what only later ones demand is not demanded of it.
+    """
     try:
-        return Meta.model_validate(value, context=WITHOUT_TIDYING)
+        meta = Meta.model_validate(value, context=WITHOUT_TIDYING)
+        require_ties(meta, version)
     except ValidationError as error:
         raise Refusal(f"/meta.json: {first_complaint(error)}") from None
+    except Refusal as reason:
+        raise Refusal(f"/meta.json: {reason}") from None
+    return meta
+
+
+# The kinds of skill that a command can make; any can be saved from Python.
+_MADE = {"learn": ("seds",), "merge": ("merged",), "combine": ("combined",), "chain": ("chain",)}
+
+
+def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:
+    """Raise Refusal unless the skill, and the results, are such as the stated command leaves."""
+    command, skill = meta.operation.command, meta.skill
+    if skill.kind not in _MADE.get(command, (skill.kind,)):
+        raise Refusal(f"operation.command: {command} makes no {skill.kind} skill")
+    _require_results(meta.operation, version)
+    if version == 1 or isinstance(skill, SedsNode):
+        return
+    parts, parents = len(skill.parts), len(meta.provenance.parents)
+    if (command == "merge" and parents != parts) or (command == "combine" and not 1 <= parents <= parts):
+        raise Refusal(f"provenance.parents: {parents} skills do not {command} into {parts} parts")
+
+
+def _require_results(operation: Operation, version: int) -> None:
+    results = operation.results
+    held_out = {name: value for name, value in results.items() if "held_out_" in name}
+    try:
+        if operation.command == "learn" and held_out:
+            HeldOutResults.model_validate(held_out)
+        elif operation.command == "merge":
+            MergeResults.model_validate(results)
+        elif operation.command == "combine":
+            CombineResults.model_validate(results)
+    except ValidationError as error:
+        # Files of format 1 that were made in Python may lack what the command would have recorded.
+        if version == 1 and all(fault["type"] == "missing" for fault in error.errors()):
+            return
+        raise Refusal(f"operation.results.{first_complaint(error)}") from None
 
 
 def first_complaint(error: ValidationError) -> str:

@@ -6,23 +6,25 @@ import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from skillctl.store.errors import (
     DamagedArtifactError,
     InvalidArtifactError,
     NotAnArtifactError,
-    require_format,
 )
 from skillctl.store.files import read_beginning
+from skillctl.store.migrations import FORMAT_VERSION, require_format
 
-FORMAT_VERSION: Final = 1
 SEAL_BYTES = 512
 # Not ASCII, CR LF, Ctrl-Z and LF: whatever a text-mode transfer changes, it changes here first.
 MAGIC = b"\x89SKILL\r\n\x1a\n"
 
+KINDS = ("seds", "merged", "combined", "chain")  # of a skill
+_LATER_KINDS = {"chain": 2}  # by the format that brought them
 _LINES = re.compile(
-    rb"(\d{1,9}) (\d{1,12}) ([0-9a-f]{64})\n(seds|merged|combined) (sha256:[0-9a-f]{64})\n\0+"
+    rb"(\d{1,9}) (\d{1,12}) ([0-9a-f]{64})\n("
+    + "|".join(KINDS).encode("ascii")
+    + rb") (sha256:[0-9a-f]{64})\n\0+"
 )
 
 
@@ -32,14 +34,16 @@ class Header:
 
     Attributes:
         body_bytes, sha256: Size and SHA-256 of all that follows.
-        kind: ``seds``, ``merged`` or ``combined``.
+        kind: ``seds``, ``merged``, ``combined`` or ``chain``.
         digest: Content digest, ``sha256:…``. A reader of the whole file checks it.
+        format: Format version of the file.
     """
 
     body_bytes: int
     sha256: str
     kind: str
     digest: str
+    format: int = FORMAT_VERSION
 
     @property
     def file_bytes(self) -> int:
@@ -48,13 +52,13 @@ class Header:
 
     def to_bytes(self) -> bytes:
         """Return the 512 bytes."""
-        lines = f"{FORMAT_VERSION} {self.body_bytes} {self.sha256}\n{self.kind} {self.digest}\n"
+        lines = f"{self.format} {self.body_bytes} {self.sha256}\n{self.kind} {self.digest}\n"
         return (MAGIC + lines.encode("ascii")).ljust(SEAL_BYTES, b"\0")
 
 
-def seal(body: bytes, kind: str, digest: str) -> bytes:
+def seal(body: bytes, kind: str, digest: str, version: int = FORMAT_VERSION) -> bytes:
     """Return the 512 bytes that belong in front of ``body``, a skill of that kind and content digest."""
-    return Header(len(body), hashlib.sha256(body).hexdigest(), kind, digest).to_bytes()
+    return Header(len(body), hashlib.sha256(body).hexdigest(), kind, digest, version).to_bytes()
 
 
 def parse_header(beginning: bytes, size: int, name: str) -> Header:
@@ -72,10 +76,11 @@ def parse_header(beginning: bytes, size: int, name: str) -> Header:
         require_format(name, int(stated[1]))
     lines = _LINES.fullmatch(beginning[len(MAGIC) : SEAL_BYTES])
     if lines is None:
-        raise DamagedArtifactError(
-            name, f"its first {SEAL_BYTES} bytes are not a seal (format {FORMAT_VERSION})"
-        )
-    header = Header(int(lines[2]), *(lines[group].decode("ascii") for group in (3, 4, 5)))
+        raise DamagedArtifactError(name, f"its first {SEAL_BYTES} bytes are not a seal")
+    sha256, kind, digest = (lines[group].decode("ascii") for group in (3, 4, 5))
+    header = Header(int(lines[2]), sha256, kind, digest, int(lines[1]))
+    if header.format < _LATER_KINDS.get(header.kind, 1):
+        raise InvalidArtifactError(name, f"format {header.format} has no skills of kind {header.kind}")
     length = size - SEAL_BYTES
     if header.body_bytes != length:
         what = "cut short" if length < header.body_bytes else "extended"
@@ -105,7 +110,7 @@ def require_seal(data: bytes, name: str) -> Header:
     """
     header = parse_header(data[:SEAL_BYTES], len(data), name)
     # One comparison settles all 512 bytes: there is exactly one seal for a body, its kind and its digest.
-    if seal(data[SEAL_BYTES:], header.kind, header.digest) != data[:SEAL_BYTES]:
+    if seal(data[SEAL_BYTES:], header.kind, header.digest, header.format) != data[:SEAL_BYTES]:
         raise DamagedArtifactError(name, "its contents do not match its seal")
     return header
 

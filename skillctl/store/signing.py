@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from skillctl.errors import InputDataError, NotFoundError, printable
 from skillctl.store.errors import InvalidSignaturesError, NotAnArtifactError
 from skillctl.store.files import missing_file, read_once, system_errors, write_file
-from skillctl.store.numbering import SIGNATURE_SUFFIX, locked
+from skillctl.store.local import flocked
+from skillctl.store.numbering import SIGNATURE_SUFFIX
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -128,7 +129,7 @@ def add_signature(artifact: Path, signature: Signature) -> bool:
     with system_errors(f"sign {artifact}"):
         directory = os.open(artifact.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
-            with locked(directory):  # two signers at once must not lose one
+            with flocked(directory):  # two signers at once must not lose one
                 there = read_signatures(artifact)
                 if signature in there:
                     return False

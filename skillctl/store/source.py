@@ -50,7 +50,7 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
     """Return the skill that a reference (file, NAME, NAME@3, NAME@latest) names.
 
     Args:
-        reference: The skill.
+        reference: The skill; a ``Path`` is always a file.
         store: Where names live; default as on the command line.
         lock: If given, the skills that are allowed; a name it was made with leads to the version it names.
 
@@ -60,9 +60,9 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
         ArtifactError: The file is not an intact skill artifact, or not one that the lock names.
     """
     if lock is None:
-        located = locate(str(reference), store)
+        located = locate(reference, store)
         return Source(located, read_skill(located.path))
-    located = lock.locate(str(reference), store)
+    located = lock.locate(reference, store)
     source = Source(located, read_skill(located.path))
     lock.require(located, source.artifact.digest)
     return source

@@ -10,6 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.seds import SedsSkill
@@ -72,7 +73,7 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
             parts=parts,
             part_weights=tuple(skill.shares.tolist()),
             gate=skill.gate,
-            sharpness=float(skill.parameters.get("sharpness", 1.0)),
+            parameters=dict(skill.parameters),
             speed=float(skill.speed),
         )
     return CombinedNode(
@@ -82,6 +83,20 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
         disturbance_distance=float(skill.disturbance_distance),
         speed=float(skill.speed),
     )
+
+
+def unknown_gates(node: Node) -> list[str]:
+    """Return the gates in a tree that no skill of this build can have."""
+    if isinstance(node, SedsNode):
+        return []
+    gates = [gate for part in node.parts for gate in unknown_gates(part)]
+    if isinstance(node, MergedNode):
+        known = {gate.name for gate in MERGE_GATES}
+    elif isinstance(node, CombinedNode):
+        known = {gate.name for gate in COMBINE_GATES}
+    else:
+        return gates
+    return gates if node.gate in known else [node.gate, *gates]
 
 
 def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
@@ -129,8 +144,9 @@ def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     parts: Any = tuple(_skill(part, arrays, space) for part in node.parts)
     if isinstance(node, MergedNode):
         weights = np.array(node.part_weights)
-        parameters = {"sharpness": node.sharpness} if node.gate == "experts" else {}
-        return MergedSkill(parts, weights, node.gate, node.speed, parameters)
+        return MergedSkill(parts, weights, node.gate, node.speed, node.parameters)
+    if not isinstance(node, CombinedNode):
+        raise Refusal(f"/meta.json: skill: cannot be of kind {node.kind}")
     priors = np.array(node.part_priors)
     return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)
 

@@ -14,15 +14,8 @@ from skillctl.store.canonical import dump_canonical
 from skillctl.store.errors import Refusal
 from skillctl.store.files import MAX_FILE_BYTES
 from skillctl.store.hdf5 import h5py
-from skillctl.store.layout import (
-    ARRAYS,
-    FORMAT_MARK,
-    MAX_LENGTHS,
-    META,
-    Array,
-    content_digest,
-    require_layout,
-)
+from skillctl.store.layout import ARRAYS, MAX_LENGTHS, META, Array, content_digest, require_layout
+from skillctl.store.migrations import FORMAT_VERSION, mark_of
 from skillctl.store.schema import DemonstrationReport, Operation, Provenance, label
 from skillctl.store.seal import SEAL_BYTES, seal
 from skillctl.store.tree import node_of
@@ -56,7 +49,7 @@ def body_of(arrays: Mapping[str, Array]) -> bytes:
     file = BytesIO()
     # "earliest" is what every HDF5 tool in use reads; objects in one order, without times, give one result.
     with h5py.File(file, "w", userblock_size=SEAL_BYTES, libver="earliest") as body:
-        body.attrs.create("format", np.bytes_(FORMAT_MARK))
+        body.attrs.create("format", np.bytes_(mark_of(FORMAT_VERSION)))
         for path in sorted(arrays):
             body.create_dataset(path, data=arrays[path].astype(ARRAYS[path].dtype), track_times=False)
     return file.getvalue()[SEAL_BYTES:]

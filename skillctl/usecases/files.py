@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
-from skillctl.model.combined import CombinedSkill
-from skillctl.model.merged import MergedSkill
-from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
 from skillctl.store import Artifact, Operation
+from skillctl.store.references import require_file_name
 from skillctl.store.source import open_skill
 
 
@@ -17,7 +14,8 @@ def load(reference: str | Path, *, store: str | Path | None = None) -> Skill:
     """Return the skill that a reference names, ready to be asked for velocities.
 
     Args:
-        reference: ``path/to/file.h5``, ``name`` (its newest version), ``name@3`` or ``name@latest``.
+        reference: ``path/to/file.h5``, ``name`` (its newest version), ``name@3`` or ``name@latest``; a
+            ``Path`` is always a file.
         store: Where names live; default as on the command line.
 
     Raises:
@@ -39,16 +37,12 @@ def save(skill: Skill, path: str | Path) -> Path:
         The path.
 
     Raises:
+        UsageError: A path that ``load`` would take for a name in the store.
         StoreError: The file cannot be written.
     """
     from skillctl.store import current_provenance, encode, write_file  # late: reading needs none of them
 
-    commands: dict[type, Literal["learn", "merge", "combine"]] = {
-        SedsSkill: "learn",
-        MergedSkill: "merge",
-        CombinedSkill: "combine",
-    }
-    operation = Operation(command=commands[type(skill)], options={"from_python": True})
-    artifact = Artifact(skill, (None,) * len(skill.leaves), operation, current_provenance())
-    write_file(Path(path), encode(artifact))
-    return Path(path)
+    file = require_file_name(path)
+    artifact = Artifact(skill, (None,) * len(skill.leaves), Operation(command="python"), current_provenance())
+    write_file(file, encode(artifact))
+    return file

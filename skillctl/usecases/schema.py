@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillctl.store import metadata_schema
-from skillctl.store.seal import FORMAT_VERSION
+from skillctl.store.migrations import FORMAT_VERSION
 
 
 @dataclass(frozen=True)

@@ -169,11 +169,8 @@ def _parsed(reference: str) -> Reference:
 
 def _stored(registry: Registry, reference: str) -> tuple[str, int]:
     """Return name and version of a skill of the store."""
-    _parsed(reference)
-    located = registry.locate(reference)
-    assert located.name is not None  # not a file
-    assert located.version is not None
-    return located.name, located.version
+    parsed = _parsed(reference)
+    return parsed.name, registry.version_of(parsed)
 
 
 def _require_untagged(registry: Registry, doomed: dict[str, set[int]]) -> None:

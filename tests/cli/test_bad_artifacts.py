@@ -24,7 +24,7 @@ MEANS = "model/means"
 
 
 def digest_by_the_page(file: BytesIO) -> str:
-    digest = hashlib.sha256(b"skill-v1\n")
+    digest = hashlib.sha256(b"skill-v2\n")
     with h5py.File(file) as body:
         arrays = {"meta.json": body["meta.json"]}
         for group in ("model", "demonstrations"):

@@ -69,18 +69,35 @@ def reports_on(skill: Skill, sets) -> tuple[store.DemonstrationReport, ...]:
     )
 
 
+RECORDED = {  # by kind of skill: the command that makes it, and what that cannot do without among its results
+    SedsSkill: ("learn", {"converged": True, "notes": ("two starts agree", "the fit ran out of steps")}),
+    MergedSkill: ("merge", {"lyapunov": "shared"}),
+    CombinedSkill: ("combine", {"kept": (1.0, 0.5)}),
+}
+
+
+def parent(number: int) -> store.ParentRecord:
+    """The record of a part."""
+    digest = "1" * 64 if number == 1 else f"{number:064x}"
+    role = "part" if number == 1 else f"part {number}"
+    return store.ParentRecord(name="reach", version=2 + number, digest=f"sha256:{digest}", role=role)
+
+
 def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
     """The artifact of a skill whose leaves keep demonstrations, except those listed."""
     sets = tuple(None if leaf in without else taught(leaf, skill.space) for leaf in range(len(skill.leaves)))
-    command = {SedsSkill: "learn", MergedSkill: "merge", CombinedSkill: "combine"}[type(skill)]
+    command, results = RECORDED[type(skill)]
     provenance = store.Provenance(
         inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
-        parents=(store.ParentRecord(name="reach", version=3, digest=f"sha256:{'1' * 64}", role="part"),),
+        parents=tuple(parent(number) for number in range(1, max(1, len(skill.parts)) + 1)),
         tool="0.1.0",
         libraries={"numpy": "2.0.0"},
     )
     operation = store.Operation(
-        command=command, options={"target": (0.5, 1), "align": False, "unit": "m", "note": None}, seed=7
+        command=command,
+        options={"target": (0.5, 1), "align": False, "unit": "m", "note": None},
+        seed=7,
+        results=results,
     )
     return store.Artifact(skill, sets, operation, provenance, reports_on(skill, sets))
 
@@ -123,6 +140,11 @@ def make_seds() -> Callable[..., SedsSkill]:
 
 
 @pytest.fixture(scope="session")
+def merged() -> MergedSkill:
+    return SKILLS["merged"]
+
+
+@pytest.fixture(scope="session")
 def nested() -> store.Artifact:
     """The artifact with the most in it: a combined skill of a merged skill of a merged skill."""
     return wrapped(SKILLS["combined of merged"], without=(1,))
@@ -133,9 +155,9 @@ def good(nested: store.Artifact) -> bytes:
     return store.encode(nested)
 
 
-def digest_by_the_page(body: bytes) -> str:
+def digest_by_the_page(body: bytes, version: int = 2) -> str:
     """Compute a content digest from the specification."""
-    digest = hashlib.sha256(b"skill-v1\n")
+    digest = hashlib.sha256(f"skill-v{version}\n".encode())
     with h5py.File(BytesIO(b"\0" * 512 + body)) as file:
         paths = []
         file.visititems(lambda path, item: paths.append(path) if isinstance(item, h5py.Dataset) else None)
@@ -147,9 +169,11 @@ def digest_by_the_page(body: bytes) -> str:
     return f"sha256:{digest.hexdigest()}"
 
 
-def sealed(body: bytes, kind: str = "combined", digest: str = f"sha256:{'0' * 64}") -> bytes:
+def sealed(
+    body: bytes, kind: str = "combined", digest: str = f"sha256:{'0' * 64}", version: int = 2
+) -> bytes:
     """Seal any bytes as an attacker would, from the specification."""
-    lines = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\n{kind} {digest}\n".encode()
+    lines = f"{version} {len(body)} {hashlib.sha256(body).hexdigest()}\n{kind} {digest}\n".encode()
     return (b"\x89SKILL\r\n\x1a\n" + lines).ljust(512, b"\0") + body
 
 

@@ -4,14 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
 
 from skillctl import store
 from skillctl.errors import NotFoundError, StoreError, UsageError
-from skillctl.store import errors, files, numbering
+from skillctl.store import errors, files
 
 
 @pytest.fixture
@@ -20,19 +19,6 @@ def registry(tmp_path, versions):
     for data in versions[:3]:
         registry.publish("reach", data)
     return registry
-
-
-def test_an_alias_names_a_version_until_it_is_moved_or_removed(registry):
-    assert registry.tag("reach", 2, "release") is None
-    assert registry.locate("reach@release").version == 2
-    assert registry.tag("reach", 3, "release") == 2
-    assert registry.tag("reach", 1, "v1.0") is None
-    assert registry.aliases("reach") == {"release": 3, "v1.0": 1}
-    assert registry.locate("reach@v1.0").version == 1
-    assert registry.untag("reach", "release") == 3
-    with pytest.raises(NotFoundError, match="reach has no alias release") as caught:
-        registry.locate("reach@release")
-    assert "It has v1.0" in caught.value.hint
 
 
 def test_aliases_are_text_that_a_review_can_read(registry):
@@ -52,15 +38,6 @@ def test_what_cannot_be_an_alias(registry, alias):
         registry.tag("reach", 1, alias)
     assert str(caught.value).isprintable()
     assert not (registry.root / "reach" / "refs.toml").exists()
-
-
-def test_only_what_exists_can_be_tagged_and_untagged(registry):
-    with pytest.raises(NotFoundError, match="reach has no version 9"):
-        registry.tag("reach", 9, "release")
-    with pytest.raises(NotFoundError, match="no skill rech"):
-        registry.tag("rech", 1, "release")
-    with pytest.raises(NotFoundError, match="no alias release"):
-        registry.untag("reach", "release")
 
 
 def entries_of(registry):
@@ -118,16 +95,6 @@ def test_an_alias_of_a_version_that_is_gone_says_so(registry):
         registry.locate("reach@release")
 
 
-def test_aliases_given_at_once_are_all_kept(registry):
-    names = [f"a{index}" for index in range(24)]
-    threads = [threading.Thread(target=registry.tag, args=("reach", 1, name)) for name in names]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert sorted(registry.aliases("reach")) == sorted(names)
-
-
 def test_when_the_disk_refuses_the_aliases_stay_what_they_were(registry, monkeypatch):
     registry.tag("reach", 1, "release")
 
@@ -145,45 +112,13 @@ def test_when_the_disk_refuses_the_aliases_stay_what_they_were(registry, monkeyp
 # Removal
 
 
-def test_a_removed_version_loses_its_alias_and_leaves_the_others(registry):
-    registry.tag("reach", 2, "release")
-    registry.tag("reach", 3, "next")
-    assert registry.remove("reach", [2]) == {"release": 2}
-    assert registry.versions("reach") == (1, 3)
-    assert registry.aliases("reach") == {"next": 3}
-    with pytest.raises(NotFoundError, match="reach has no version 2: it was removed"):
-        registry.locate("reach@2")
-
-
-@pytest.mark.parametrize("removed", [[3], [2, 3], [1, 2, 3]])
-def test_the_number_of_a_removed_version_is_never_given_again(registry, versions, removed):
-    registry.remove("reach", removed)
-    assert registry.publish("reach", versions[3]).version == 4
-    registry.remove("reach", [4])
-    assert registry.publish("reach", versions[3]).version == 5
-    entries = entries_of(registry)
-    assert [name for name in entries if name.endswith(".removed")] == ["4.removed"]
-
-
-def test_removing_an_old_version_needs_no_mark(registry):
-    registry.remove("reach", [1])
-    assert sorted(entries_of(registry)) == ["2.h5", "3.h5"]
-
-
-def test_a_skill_without_versions_is_not_listed(registry):
-    registry.remove("reach", [1, 2, 3])
-    assert registry.names() == ()
-    with pytest.raises(NotFoundError):
-        registry.remove("reach", [1])
-
-
 @pytest.mark.parametrize("step", ["unlink", "fsync"])
 def test_a_removal_that_is_cut_short_frees_no_number(registry, versions, monkeypatch, step):
     def refuse(*_, **__):
         raise OSError(5, "Input/output error")
 
     with monkeypatch.context() as patch:
-        patch.setattr(numbering.os, step, refuse)
+        patch.setattr(os, step, refuse)
         with pytest.raises(StoreError):
             registry.remove("reach", [3])
     assert registry.versions("reach") == (1, 2, 3)
@@ -230,7 +165,7 @@ def test_a_version_that_is_still_there_has_its_signatures(registry, monkeypatch)
         unlink(path, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(numbering.os, "unlink", refuse)
+        patch.setattr(os, "unlink", refuse)
         with pytest.raises(StoreError):
             registry.remove("reach", [1, 2])
     assert registry.versions("reach") == (2, 3)

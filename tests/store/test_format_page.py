@@ -2,16 +2,19 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from pydantic import BaseModel
 
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.store import (
     aliases,
     canonical,
     errors,
     files,
     layout,
+    migrations,
     numbering,
     publishing,
     references,
@@ -48,6 +51,24 @@ def test_every_key_of_the_metadata_is_described(model):
         assert f"`{name}`" in section, name
 
 
+def test_every_gate_and_its_parameters_are_described():
+    for gate in (*MERGE_GATES, *COMBINE_GATES):
+        assert f'`"{gate.name}"`' in PAGE
+    for parameter in (parameter for gate in MERGE_GATES for parameter in gate.parameters):
+        assert f"`{parameter.name}` ≥ {parameter.least:g}" in PAGE
+
+
+def test_every_command_is_described():
+    for command in get_args(schema.Operation.model_fields["command"].annotation):
+        assert f'`"{command}"`' in PAGE
+
+
+def test_what_is_reserved_says_so():
+    for path, spec in layout.ARRAYS.items():
+        (line,) = [line for line in PAGE.splitlines() if line.startswith(f"| `/{path}` ")]
+        assert ("reserved" in line) == (spec.since > 1)
+
+
 def test_numbers_agree():
     assert f"at most {files.MAX_FILE_BYTES >> 20} MiB" in PAGE
     assert (
@@ -55,13 +76,17 @@ def test_numbers_agree():
     )
     assert f"up to offset {seal.SEAL_BYTES}" in PAGE
     assert "`" + " ".join(f"{byte:02X}" for byte in seal.MAGIC) + "`" in PAGE
-    assert layout.FORMAT_MARK.decode() in PAGE
+    assert all(f"`{migrations.mark_of(version).decode()}`" in PAGE for version in migrations.READABLE_FORMATS)
+    assert f"| `format` | {migrations.FORMAT_VERSION}; " in PAGE
+    assert all(f"`{kind}`" in PAGE for kind in seal.KINDS)
     assert f"{canonical.MAX_DEPTH} deep" in PAGE
     assert f"at most {tree.MAX_TREE_DEPTH} nodes deep" in PAGE
     assert f"1 to {references.MAX_VERSION}" in PAGE
     assert re.search(rf"at most {schema.MAX_LABEL}\s+characters", PAGE)
     assert f"at most {schema.MAX_TEXT} characters" in PAGE
-    assert errors.READABLE_FORMATS == (seal.FORMAT_VERSION,)
+    assert PAGE.startswith(
+        f"# The skill artifact, formats {' and '.join(map(str, migrations.READABLE_FORMATS))}"
+    )
 
 
 def test_the_store_is_described_as_it_is():
@@ -83,4 +108,4 @@ def test_every_error_is_explained():
             and issubclass(value, errors.ArtifactError)
             and value.__module__ == errors.__name__
         ):
-            assert f"`{name}`" in PAGE or name == "UnsupportedFormatError"
+            assert f"`{name}`" in PAGE or name in {"UnsupportedFormatError", "RefusedFileError"}

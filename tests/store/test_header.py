@@ -34,9 +34,13 @@ def test_a_file_that_was_cut_is_noticed_by_its_header(good, tmp_path, length):
 
 def test_a_header_of_another_format_or_kind_is_refused(good, tmp_path):
     path = tmp_path / "skill.h5"
-    path.write_bytes(good.replace(b"\n1 ", b"\n2 ", 1))
+    path.write_bytes(good.replace(b"\n2 ", b"\n3 ", 1))
     with pytest.raises(errors.TooNewFormatError):
         store.read_header(path)
     path.write_bytes(good.replace(b"combined sha256", b"compiled sha256", 1))
     with pytest.raises(errors.DamagedArtifactError):
+        store.read_header(path)
+    head = good[:512].replace(b"\n2 ", b"\n1 ", 1).replace(b"combined sha256", b"chain sha256", 1)
+    path.write_bytes(head.ljust(512, b"\0") + good[512:])
+    with pytest.raises(errors.InvalidArtifactError, match="format 1 has no skills of kind chain"):
         store.read_header(path)

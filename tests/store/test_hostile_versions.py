@@ -31,14 +31,31 @@ def test_a_seal_that_states_another_digest(refuse, good, reseal):
 @pytest.mark.parametrize(
     ("version", "kind", "cause"),
     [
-        (2, errors.TooNewFormatError, "has skill format 2; this build reads format 1"),
-        (999, errors.TooNewFormatError, "has skill format 999; this build reads format 1"),
-        (0, errors.TooOldFormatError, "has skill format 0; this build reads format 1"),
-        ("1.0", errors.InvalidArtifactError, "format version '1.0', not a whole number; this build reads 1"),
-        (1.0, errors.InvalidArtifactError, "format version '1.0', not a whole number; this build reads 1"),
-        (True, errors.InvalidArtifactError, "format version 'True', not a whole number; this build reads 1"),
-        (None, errors.InvalidArtifactError, "no format version, not a whole number; this build reads 1"),
-        ("\x1b[2J" * 99, errors.InvalidArtifactError, "not a whole number; this build reads 1"),
+        (3, errors.TooNewFormatError, "has skill format 3; this build reads formats 1, 2"),
+        (999, errors.TooNewFormatError, "has skill format 999; this build reads formats 1, 2"),
+        (0, errors.TooOldFormatError, "has skill format 0; this build reads formats 1, 2"),
+        (1, errors.InvalidArtifactError, "/meta.json: format: must be 2, as its seal states"),
+        (
+            "1.0",
+            errors.InvalidArtifactError,
+            "format version '1.0', not a whole number; this build reads formats 1, 2",
+        ),
+        (
+            1.0,
+            errors.InvalidArtifactError,
+            "format version '1.0', not a whole number; this build reads formats 1, 2",
+        ),
+        (
+            True,
+            errors.InvalidArtifactError,
+            "format version 'True', not a whole number; this build reads formats 1, 2",
+        ),
+        (
+            None,
+            errors.InvalidArtifactError,
+            "no format version, not a whole number; this build reads formats 1, 2",
+        ),
+        ("\x1b[2J" * 99, errors.InvalidArtifactError, "not a whole number; this build reads formats 1, 2"),
     ],
 )
 def test_versions_in_the_metadata(refuse, with_meta, meta, version, kind, cause):
@@ -53,15 +70,24 @@ def test_a_missing_version_in_the_metadata(refuse, with_meta, meta):
 @pytest.mark.parametrize(
     ("mark", "kind", "cause"),
     [
-        (np.bytes_("skill-v2"), errors.TooNewFormatError, "has skill format 2; this build reads format 1"),
-        (np.bytes_("skill-v0"), errors.TooOldFormatError, "has skill format 0; this build reads format 1"),
+        (
+            np.bytes_("skill-v3"),
+            errors.TooNewFormatError,
+            "has skill format 3; this build reads formats 1, 2",
+        ),
+        (
+            np.bytes_("skill-v0"),
+            errors.TooOldFormatError,
+            "has skill format 0; this build reads formats 1, 2",
+        ),
+        (np.bytes_("skill-v1"), errors.InvalidArtifactError, "must be skill-v2, as its seal states"),
         (np.bytes_("skill-v1.0"), errors.InvalidArtifactError, "'skill-v1.0', not a whole number"),
-        (np.bytes_("skill-v01"), errors.InvalidArtifactError, "must be skill-v1"),
+        (np.bytes_("skill-v01"), errors.InvalidArtifactError, "must be skill-v2"),
         (np.bytes_("\x1b[2J"), errors.InvalidArtifactError, "not a whole number"),
         (np.bytes_("x" * 1000), errors.InvalidArtifactError, "short text of fixed length"),
-        ("skill-v1", errors.InvalidArtifactError, "short text of fixed length"),
+        ("skill-v2", errors.InvalidArtifactError, "short text of fixed length"),
         (1, errors.InvalidArtifactError, "short text of fixed length"),
-        (np.array([b"skill-v1"]), errors.InvalidArtifactError, "short text of fixed length"),
+        (np.array([b"skill-v2"]), errors.InvalidArtifactError, "short text of fixed length"),
         (None, errors.InvalidArtifactError, "must have one attribute"),
     ],
 )
@@ -77,11 +103,12 @@ def test_versions_in_the_body(refuse, hostile, mark, kind, cause):
 @pytest.mark.parametrize(
     ("version", "kind", "cause"),
     [
-        (b"2", errors.TooNewFormatError, "has skill format 2; this build reads format 1"),
-        (b"0", errors.TooOldFormatError, "has skill format 0; this build reads format 1"),
-        (b"01", errors.DamagedArtifactError, "do not match its seal"),
-        (b"1.0", errors.DamagedArtifactError, r"not a seal \(format 1\)"),
-        (b"", errors.DamagedArtifactError, r"not a seal \(format 1\)"),
+        (b"3", errors.TooNewFormatError, "has skill format 3; this build reads formats 1, 2"),
+        (b"0", errors.TooOldFormatError, "has skill format 0; this build reads formats 1, 2"),
+        (b"1", errors.InvalidArtifactError, "must be skill-v1, as its seal states"),
+        (b"02", errors.DamagedArtifactError, "do not match its seal"),
+        (b"2.0", errors.DamagedArtifactError, "are not a seal"),
+        (b"", errors.DamagedArtifactError, "are not a seal"),
     ],
 )
 def test_versions_in_the_seal(good, version, kind, cause):

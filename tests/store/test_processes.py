@@ -14,7 +14,7 @@ import pytest
 
 from skillctl import store
 
-MAKE = Path(__file__).parents[1] / "archives" / "v1" / "make.py"
+MAKE = Path(__file__).parents[1] / "archives" / "v2" / "make.py"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 import pytest
 
 from skillctl import store
-from skillctl.errors import ArtifactError, StoreError, UsageError
+from skillctl.errors import ArtifactError, StoreError
 from skillctl.store import errors, files, publishing
 
 
@@ -47,16 +47,6 @@ def test_versions_are_read_only_whatever_the_umask(registry, versions, umask):
     assert path.stat().st_nlink == 1
 
 
-def test_what_the_newest_version_holds_is_not_published_again(registry, versions):
-    first = registry.publish("reach", versions[0])
-    again = registry.publish("reach", versions[0])
-    assert (again.version, again.created, again.path, again.digest) == (1, False, first.path, first.digest)
-
-    registry.publish("reach", versions[1])
-    assert registry.publish("reach", versions[0]).version == 3  # going back is a new version
-    assert registry.publish("other", versions[0]).version == 1
-
-
 def test_a_race_lost_to_the_same_content_makes_no_second_version(registry, versions, monkeypatch):
     directory = registry.publish("reach", versions[0]).path.parent
     real_link, calls = os.link, []
@@ -84,12 +74,6 @@ def test_content_counts_not_the_bytes_of_the_file(registry, hostile, nested):
     assert not registry.publish("reach", hostile(move, honest=True)).created
 
 
-def test_nothing_is_published_that_could_not_be_read(registry, versions):
-    with pytest.raises(ArtifactError, match="the new version of reach is damaged"):
-        registry.publish("reach", versions[0][:-1])
-    assert not registry.root.exists()
-
-
 def test_a_damaged_newest_version_is_passed_over(registry, versions):
     path = registry.publish("reach", versions[0]).path
     path.unlink()
@@ -106,15 +90,6 @@ def test_the_number_after_the_highest_is_next_even_after_gaps(registry, versions
     (registry.root / "reach" / "notes.txt").write_bytes(b"")
     assert registry.versions("reach") == (1, 7)
     assert registry.publish("reach", versions[1]).version == 8
-
-
-@pytest.mark.parametrize("name", ["../x", "a/b", "", ".", "-rf", "Reach", "a\0", "x" * 65, "x.h5"])
-def test_nothing_is_published_under_a_bad_name(registry, versions, name):
-    with pytest.raises(UsageError):
-        registry.publish(name, versions[0])
-    with pytest.raises(UsageError):
-        registry.versions(name)
-    assert not registry.root.exists()
 
 
 def test_names_are_the_skills_that_have_versions(registry, versions):
@@ -192,15 +167,27 @@ def test_a_link_in_place_of_a_temporary_file_is_not_written_through(
     assert registry.aliases("reach") == {}
 
 
-@pytest.mark.parametrize("name", ["refs.toml", "1.removed"])
-def test_a_link_in_place_of_the_stores_own_notes_is_not_written_through(registry, versions, tmp_path, name):
+def test_a_link_in_place_of_the_aliases_is_not_written_through(registry, versions, tmp_path):
     directory = registry.publish("reach", versions[0]).path.parent
     (target := tmp_path / "target").write_text("precious")
-    (directory / name).symlink_to(target)
-    with pytest.raises((StoreError, ArtifactError)):
-        registry.tag("reach", 1, "release") if name == "refs.toml" else registry.remove("reach", [1])
+    (directory / "refs.toml").symlink_to(target)
+    with pytest.raises(ArtifactError, match="a symbolic link"):
+        registry.tag("reach", 1, "release")
     assert target.read_text() == "precious"
     assert registry.versions("reach") == (1,)
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+def test_a_link_in_place_of_a_mark_is_one_and_is_not_written_through(registry, versions, tmp_path, dangling):
+    directory = registry.publish("reach", versions[0]).path.parent
+    target = tmp_path / "target"
+    if not dangling:
+        target.write_text("precious")
+    (directory / "1.removed").symlink_to(target)
+    registry.remove("reach", [1])
+    assert registry.publish("reach", versions[1]).version == 2
+    assert target.exists() != dangling
+    assert dangling or target.read_text() == "precious"
 
 
 # When the system refuses
@@ -250,13 +237,6 @@ def test_a_file_in_place_of_a_directory(tmp_path, versions):
     with pytest.raises(StoreError, match="cannot publish"):
         store.Registry(root).publish("reach", versions[0])
     assert (root / "reach").read_bytes() == b""
-
-
-def test_a_full_skill_is_said(registry, versions):
-    registry.publish("reach", versions[0])
-    (registry.root / "reach" / "999999.h5").write_bytes(b"")
-    with pytest.raises(StoreError, match="reach has 999999 versions; no more fit"):
-        registry.publish("reach", versions[1])
 
 
 def test_what_killed_writers_left_is_swept_but_not_what_others_are_writing(registry, versions):

@@ -98,7 +98,8 @@ def skill_trees(draw, make_seds):
         weights = draw(shares)
         parts = tuple(part(depth - 1) for _ in weights)
         gate = draw(st.sampled_from(["superposition", "density", "experts"]))
-        return MergedSkill(parts, weights, gate, draw(st.floats(1, 9)), draw(positive))
+        parameters = {"sharpness": draw(st.floats(1, 9))} if gate == "experts" else {}
+        return MergedSkill(parts, weights, gate, draw(positive), parameters)
 
     if draw(st.booleans()):
         return part(2)
@@ -165,7 +166,7 @@ def test_every_part_of_the_content_changes_the_digest(make_seds, wrap):
 def test_the_file_is_a_seal_before_an_hdf5_body_with_one_attribute(good, reseal, nested):
     assert reseal(good[512:], "combined", nested.digest) == good
     with h5py.File(BytesIO(good)) as body:
-        assert dict(body.attrs) == {"format": b"skill-v1"}
+        assert dict(body.attrs) == {"format": b"skill-v2"}
         every = [body]
         body.visititems(lambda _, item: every.append(item))
         assert all(not item.attrs for item in every[1:])
@@ -188,7 +189,7 @@ def test_a_state_space_that_cannot_be_written_is_refused(make_seds, wrap):
     from dataclasses import replace
 
     skill = replace(make_seds(1), space=Euclidean(("x", "y\n")))
-    with pytest.raises(InvalidModelError, match=r"state\.names\.1: .* control characters"):
+    with pytest.raises(InvalidModelError, match=r"state\.euclidean\.names\.1: .* control characters"):
         store.encode(wrap(skill))
 
 

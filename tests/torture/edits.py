@@ -148,7 +148,7 @@ def members(rng: Random, body: h5py.File) -> None:
         case 3:
             body.create_group(rng.choice(("extra", "model/extra")))
         case 4:
-            value = rng.choice(("x", 1, np.bytes_("skill-v1"), np.bytes_("skill-v2"), np.zeros(9), [b"a"]))
+            value = rng.choice(("x", 1, np.bytes_("skill-v1"), np.bytes_("skill-v3"), np.zeros(9), [b"a"]))
             body[rng.choice((path, "/", "/"))].attrs[rng.choice(("note", "format", "\x1b[2J"))] = value
 
 

@@ -40,7 +40,7 @@ def made_here() -> dict[str, Any]:
 
     from skillctl import store
 
-    spec = importlib.util.spec_from_file_location("make_v1", HERE.parent / "archives" / "v1" / "make.py")
+    spec = importlib.util.spec_from_file_location("make_v2", HERE.parent / "archives" / "v2" / "make.py")
     assert spec is not None
     assert spec.loader is not None
     spec.loader.exec_module(archive := importlib.util.module_from_spec(spec))

@@ -1,0 +1,130 @@
+"""A store in a directory of this machine, in which no symbolic link is followed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from skillctl.store.errors import UnsafeStoreError
+from skillctl.store.files import MAX_FILE_BYTES, read_beginning, read_once, sweep, write_file
+from skillctl.store.publishing import staged
+
+_OPEN_DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+# What `write_file` calls the halves of aliases and signatures; anybody else's files may lie beside them.
+_HALF = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
+
+
+class LocalBackend:
+    """The folders of a store as directories; see ``skillctl.store.backend.Backend``.
+
+    The directory need not exist before the first file is made.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = Path(root)
+        self.place = str(root)
+
+    def folders(self) -> tuple[str, ...]:
+        """Return the names of all directories; a link is none."""
+        if not _is_directory(self.root):
+            return ()
+        return tuple(entry.name for entry in os.scandir(self.root) if entry.is_dir(follow_symlinks=False))
+
+    def files(self, folder: str) -> tuple[str, ...]:
+        """Return the names of all entries; none where there is no directory."""
+        if not (_is_directory(self.root) and _is_directory(self.root / folder)):
+            return ()
+        return tuple(entry.name for entry in os.scandir(self.root / folder))
+
+    def read(self, folder: str, file: str, limit: int = MAX_FILE_BYTES) -> bytes:
+        """Return all bytes of a regular file, read once."""
+        return read_once(self.path(folder, file), limit)
+
+    def beginning(self, folder: str, file: str, length: int) -> tuple[bytes, int]:
+        """Return the first bytes of a regular file and its size."""
+        return read_beginning(self.path(folder, file), length)
+
+    @contextmanager
+    def create(self, folder: str, data: bytes) -> Iterator[Callable[[str], None]]:
+        """Write ``data`` to a file without a name, synced, and give the function that links it to one."""
+        self._make(folder)
+        with self._opened(folder) as directory:
+            with staged(directory, data) as link:
+                yield link
+            os.fsync(directory)
+
+    def replace(self, folder: str, file: str, data: bytes) -> None:
+        """Replace a file by one that was written beside it, and synced."""
+        write_file(self.path(folder, file), data)
+
+    def delete(self, folder: str, files: Iterable[str]) -> None:
+        """Unlink files, and sync the directory."""
+        with self._opened(folder) as directory:
+            for file in files:
+                with suppress(FileNotFoundError):
+                    os.unlink(file, dir_fd=directory)
+            os.fsync(directory)
+
+    @contextmanager
+    def locked(self, folder: str, *, shared: bool = False) -> Iterator[None]:
+        """Hold the lock of the directory, and remove what killed writers have left there."""
+        with self._opened(folder) as directory, flocked(directory, shared=shared):
+            sweep(directory, lambda name: _HALF.fullmatch(name) is not None)
+            yield
+
+    def path(self, folder: str, file: str) -> Path:
+        """Return the path of a file."""
+        return self.root / folder / file
+
+    def _make(self, folder: str) -> None:
+        if not _is_directory(self.root):
+            self.root.mkdir(parents=True, exist_ok=True)
+        if not _is_directory(self.root / folder):
+            with _descriptor(self.root) as root:
+                with suppress(FileExistsError):
+                    os.mkdir(folder, dir_fd=root)
+                os.fsync(root)
+
+    @contextmanager
+    def _opened(self, folder: str) -> Iterator[int]:
+        """Open the directory of a folder, through no symbolic link."""
+        if _is_directory(self.root):
+            _is_directory(self.root / folder)  # whatever comes there later, no link is opened
+        with _descriptor(self.root) as root, _descriptor(folder, root) as directory:
+            yield directory
+
+
+@contextmanager
+def flocked(directory: int, *, shared: bool = False) -> Iterator[None]:
+    """Hold the lock of a directory, given as a descriptor; the system releases it when a process dies.
+
+    Writers of new versions share it; it only keeps them from taking a number while that is being removed.
+    """
+    try:
+        fcntl.flock(directory, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+    except OSError:  # a file system without locks: publishing needs none but against removal
+        if not shared:
+            raise
+    yield  # closing the descriptor releases it
+    with suppress(OSError):
+        fcntl.flock(directory, fcntl.LOCK_UN)
+
+
+@contextmanager
+def _descriptor(path: str | Path, within: int | None = None) -> Iterator[int]:
+    descriptor = os.open(path, _OPEN_DIRECTORY, dir_fd=within)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _is_directory(path: Path) -> bool:
+    """Tell whether a directory stands at ``path``; a link to one is an error."""
+    if path.is_symlink():
+        raise UnsafeStoreError(str(path))
+    return path.is_dir()
