@@ -47,7 +47,6 @@ class CombinedSkill(Frozen, Skill):
     disturbance_distance: float = 0.02
     speed: float = 1.0
     _densities: StackedDensities = field(init=False, repr=False)
-    _log_priors: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         require_parts(self.parts, self.speed)
@@ -59,8 +58,8 @@ class CombinedSkill(Frozen, Skill):
         except UsageError as error:
             raise InvalidModelError(str(error)) from error
         require_positive("disturbance_distance", self.disturbance_distance)
-        object.__setattr__(self, "_densities", StackedDensities([part.density for part in self.parts]))
-        object.__setattr__(self, "_log_priors", np.log(priors))
+        densities = StackedDensities([part.density for part in self.parts], priors)
+        object.__setattr__(self, "_densities", densities)
 
     @property
     def shares(self) -> FloatArray:
@@ -116,8 +115,7 @@ class CombinedSkill(Frozen, Skill):
 
     def part_scores(self, positions: npt.ArrayLike) -> FloatArray:
         """Return log βᵢ + log pᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
-        x = self.space.states(positions)
-        return np.asarray(self._densities.many(x).T + self._log_priors)
+        return self._densities.scores(self.space.states(positions)).T
 
     def part_at(self, states: npt.ArrayLike) -> IntArray:
         """Return the index of the part whose region each state (n, d) lies in. Shape (n,)."""
@@ -136,7 +134,7 @@ class CombinedSkill(Frozen, Skill):
 
     def selected(self, state: FloatArray) -> int:
         """Return the index of the part whose region one state (d,) lies in."""
-        return int((self._densities.at(state) + self._log_priors).argmax())
+        return int(self._densities.shares(state).argmax())
 
     def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
         chosen = self.part_at(states) if parts is None else parts

@@ -152,36 +152,35 @@ class StackedGates:
 
 
 class StackedDensities:
-    """The log densities of several mixtures, evaluated together for one state.
+    """Several mixtures, weighted, and evaluated together: wᵢ pᵢ / Σⱼ wⱼ pⱼ.
 
     Args:
         mixtures: From left to right.
+        weights: wᵢ > 0, shape (mixtures,).
     """
 
-    __slots__ = ("_blocks", "_mixtures", "_quadratics")
+    __slots__ = ("_log_weights", "_mixtures", "_quadratics", "_sums")
 
-    def __init__(self, mixtures: Sequence[GaussianMixture]) -> None:
+    def __init__(self, mixtures: Sequence[GaussianMixture], weights: FloatArray) -> None:
         origin = np.mean([mixture.priors @ mixture.means for mixture in mixtures], axis=0)
-        with np.errstate(over="ignore", invalid="ignore"):
-            coefficients = np.concatenate([mixture.coefficients(origin) for mixture in mixtures])
-        self._mixtures = tuple(mixtures)
+        coefficients = np.concatenate([mixture.coefficients(origin) for mixture in mixtures])
+        owners, _ = _blocks([mixture.n_components for mixture in mixtures])
+        self._mixtures, self._log_weights = tuple(mixtures), np.log(weights)
         self._quadratics = Quadratics(coefficients, origin)
-        _, self._blocks = _blocks([mixture.n_components for mixture in mixtures])
+        self._sums = (owners == np.arange(len(mixtures))[:, None]) * weights[:, None]
 
-    def at(self, position: FloatArray) -> FloatArray:
-        """Return log p of each mixture for one position (d,). Shape (mixtures,)."""
+    def shares(self, position: FloatArray) -> FloatArray:
+        """Return the shares at one position (d,). Shape (mixtures,)."""
         logs = self._quadratics.at(position - self._quadratics.origin)
-        values = logs.tolist()
-        peaks = [max(values[start:end]) for start, end in self._blocks]
-        sums = [
-            sum([math.exp(value - peak) for value in values[start:end]])
-            for peak, (start, end) in zip(peaks, self._blocks, strict=True)
-        ]
-        return np.array([peak + math.log(total) for peak, total in zip(peaks, sums, strict=True)])
+        logs -= max(logs.tolist())  # what underflows now is nothing beside the largest
+        shares: FloatArray = self._sums.dot(np.exp(logs))
+        shares /= sum(shares.tolist())
+        return shares
 
-    def many(self, positions: FloatArray) -> FloatArray:
-        """Return log p of each mixture for many positions (n, d). Shape (mixtures, n)."""
-        return np.stack([log_sum_exp(mixture.log_joint(positions)) for mixture in self._mixtures])
+    def scores(self, positions: FloatArray) -> FloatArray:
+        """Return log wᵢ + log pᵢ for many positions (n, d). Shape (mixtures, n)."""
+        logs = np.stack([log_sum_exp(mixture.log_joint(positions)) for mixture in self._mixtures])
+        return np.asarray(logs + self._log_weights[:, None])
 
 
 def _blocks(counts: Sequence[int]) -> tuple[np.typing.NDArray[np.int64], tuple[tuple[int, int], ...]]:

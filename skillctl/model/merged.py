@@ -82,7 +82,8 @@ class MergedSkill(Frozen, ActingSkill):
         object.__setattr__(self, "_matrices", self.component_matrices.reshape(-1, self.dimension**2))
         counts = [part.n_components for part in self.parts]
         object.__setattr__(self, "_owners", np.repeat(np.arange(len(counts)), counts))
-        object.__setattr__(self, "_densities", StackedDensities([part.density for part in self.parts]))
+        densities = StackedDensities([part.density for part in self.parts], weights)
+        object.__setattr__(self, "_densities", densities)
 
     @property
     def shares(self) -> FloatArray:
@@ -139,10 +140,7 @@ class MergedSkill(Frozen, ActingSkill):
 
     def _part_shares(self, y: FloatArray) -> FloatArray:
         """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ at one or many y (..., d). Shape (..., parts)."""
-        logs = np.log(self.part_weights)
-        if y.ndim == 1:
-            return softmax(self._densities.at(y) + logs)
-        return softmax(self._densities.many(y) + logs[:, None]).T
+        return self._densities.shares(y) if y.ndim == 1 else softmax(self._densities.scores(y)).T
 
     def part_weights_at(self, states: FloatArray) -> FloatArray:
         """Return each part's share of the motion (its components' weights summed). Shape (n, parts)."""

@@ -117,6 +117,10 @@ class Skill(ABC):
         """Return the index of the acting part whose region each state (n, d) lies in. Shape (n,)."""
 
     @abstractmethod
+    def selected(self, state: FloatArray) -> int:
+        """Return the index of the acting part whose region one state (d,), not checked, lies in."""
+
+    @abstractmethod
     def part_weights_at(self, states: FloatArray) -> FloatArray:
         """Return each part's share of the motion, or of the regions, at states (n, d). Shape (n, parts)."""
 
@@ -209,6 +213,10 @@ class ActingSkill(Skill):
     def part_at(self, states: npt.ArrayLike) -> IntArray:
         """Return 0 for each state (n, d). Shape (n,)."""
         return np.zeros(len(self.space.states(states)), dtype=np.int64)
+
+    def selected(self, state: FloatArray) -> int:
+        """Return 0: there is no other part."""
+        return 0
 
     def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
         """Return ξ̇ for one state (d,), which is not checked."""

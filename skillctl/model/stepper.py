@@ -71,7 +71,7 @@ class Stepper:
         if not self._selects:
             part = 0
         elif part is None or skill.reselects:
-            part = int(skill.part_at(state[None])[0])
+            part = skill.selected(state)
         if not self._plain:
             return self._bent(state, part, max_speed)
         command = skill.velocity_at(state, part)

@@ -45,7 +45,7 @@ def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificat
     )
     positive = is_positive_definite(lyapunov)
     if not (positive and all(component.proved for component in components)):
-        return PartCertificate(number, positive, components, rate=None, period=None)
+        return PartCertificate(number, positive, components, None, None, part.coordinates.check())
     rate = _largest_proved(
         float(rates.min()), size, lambda r: all(decays(lyapunov, matrix, r) for matrix in matrices)
     )
@@ -54,7 +54,7 @@ def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificat
         1 / size if size > 0 else float(FLOAT64.max),
         lambda t: all(steps_contract(lyapunov, matrix, t) for matrix in matrices),
     )
-    return PartCertificate(number, positive, components, rate, period)
+    return PartCertificate(number, positive, components, rate, period, part.coordinates.check())
 
 
 def _leaves(skill: ActingSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:

@@ -39,6 +39,7 @@ class PartCertificate:
         components: One entry per component of every leaf.
         rate: r with ‖ξ(t) − ξ*‖_P ≤ e^(−rt) ‖ξ(0) − ξ*‖_P while this part acts, proved, [1/s].
         period: Longest controller period at which every step still contracts, proved, [s].
+        coordinates: Why its coordinates are not exactly invertible, in sentences; none if they are.
         radius: Every motion that starts within this distance of the part's attractor ends there, proved;
             in the unit of the space. Only for combined skills without a global proof.
         proved: Whether the part, acting alone, converges to its attractor from everywhere.
@@ -49,19 +50,23 @@ class PartCertificate:
     components: tuple[ComponentCertificate, ...]
     rate: float | None
     period: float | None
+    coordinates: tuple[str, ...] = ()
     radius: float | None = None
     proved: bool = field(init=False)
 
     def __post_init__(self) -> None:
         numbers = self.rate is not None and self.period is not None
-        proved = numbers and self.lyapunov_proved and all(component.proved for component in self.components)
+        conditions = self.lyapunov_proved and all(component.proved for component in self.components)
+        proved = numbers and conditions and not self.coordinates
         object.__setattr__(self, "proved", proved)
 
     @property
     def failures(self) -> tuple[str, ...]:
         """What could not be proved, one sentence each."""
         name = f"part {self.part}: "
-        reasons = [] if self.lyapunov_proved else [name + "P is not positive definite."]
+        reasons = [name + sentence for sentence in self.coordinates]
+        if not self.lyapunov_proved:
+            reasons.append(name + "P is not positive definite.")
         for c in self.components:
             if not c.proved:
                 rate = "unknown" if c.rate is None else f"{c.rate:.3g} 1/s"

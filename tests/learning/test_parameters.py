@@ -10,7 +10,7 @@ from skillctl.errors import FitError
 from skillctl.learning.em import VELOCITY_FLOOR, JointMixture
 from skillctl.learning.parameters import field_of, gate_mixture, skill_of
 from skillctl.learning.preprocess import TrainingData
-from skillctl.model.demonstration import StateSpace
+from skillctl.model.space import Euclidean
 
 LENGTH, SPEED = 0.25, 2.0  # [m] and [m/s] of one unit of the learner
 ATTRACTOR = np.array([0.4, -0.3])
@@ -68,7 +68,7 @@ def test_a_skill_is_the_field_in_the_users_units(data: TrainingData) -> None:
     field = field_of(mixture)
     density = mixture.priors, mixture.means, mixture.covariances
     lyapunov = np.array([[1.5, 0.2], [0.2, 0.5]])
-    skill = skill_of(field, density, data, lyapunov, StateSpace.cartesian(2))
+    skill = skill_of(field, density, data, lyapunov, Euclidean.cartesian(2))
 
     points = data.points[0]
     places = ATTRACTOR + LENGTH * points
@@ -89,7 +89,7 @@ def test_a_skill_is_the_field_in_the_users_units(data: TrainingData) -> None:
 def test_residual_covariances_are_those_of_the_velocities_in_the_users_units(data: TrainingData) -> None:
     mixture = random_mixture(2)
     density = mixture.priors, mixture.means, mixture.covariances
-    skill = skill_of(field_of(mixture), density, data, np.eye(2), StateSpace.cartesian(2))
+    skill = skill_of(field_of(mixture), density, data, np.eye(2), Euclidean.cartesian(2))
 
     places, speeds = ATTRACTOR + LENGTH * data.points[0], SPEED * data.points[1]  # [m], [m/s]
     shares = bayes(*density, data.points[0])

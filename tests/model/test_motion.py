@@ -11,9 +11,9 @@ from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.rollout import rollout
+from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import retargeted
+from skillctl.model.skill import extent, retargeted
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
@@ -213,6 +213,34 @@ def test_an_instantaneous_rollout_chooses_at_every_step(crossed):
         x = x + 0.01 * skill.velocity(x)
         assert np.abs(result.positions[:, n] - x).max() <= 1e3 * EPS
     assert (skill.part_at(starts) != result.parts).any()
+
+
+def test_a_long_rollout_keeps_a_bounded_number_of_states(make_skill):
+    skill = make_skill(np.random.default_rng(0))
+    start = skill.attractor + 0.5
+    long = rollout(skill, [start], duration=4.5, period=1e-4, arrival_distance=1e-9)
+    assert long.positions.shape[1] == len(long.times) == 1 + 45_000 // 3  # every third of 45,000 states
+    assert np.abs(np.diff(long.times) - 3e-4).max() <= 45_000 * EPS
+    assert long.times[-1] == pytest.approx(4.5, rel=45_000 * EPS)
+    short = rollout(skill, [start], duration=1e-3, period=1e-4, arrival_distance=1e-9)
+    assert np.abs(short.positions[0, 3] - long.positions[0, 1]).max() == 0
+
+
+def test_a_small_motion_arrives_at_its_own_scale(make_skill):
+    skill = make_skill(np.random.default_rng(0))
+    small = replace(
+        skill,
+        means=1e-3 * skill.means,
+        covariances=1e-6 * skill.covariances,
+        attractor=1e-3 * skill.attractor,
+        density=GaussianMixture(
+            skill.density.priors, 1e-3 * skill.density.means, 1e-6 * skill.density.covariances
+        ),
+    )
+    assert arrival_distance_of(skill) == 1e-3
+    # Two standard deviations around the data, of which two hundredths: a thousandth of the large skill's.
+    assert arrival_distance_of(small) == pytest.approx(0.02 * extent(small.density), rel=4 * EPS)
+    assert arrival_distance_of(small) < 1e-3 * 0.02 * 1.01 * extent(skill.density)
 
 
 def test_other_skills_need_no_memory(make_skill):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import ARRIVAL_DISTANCE
-from skillctl.model.skill import CombinedSkill
 from skillctl.stability.certificate import certify
 
 BORDER, FAR = 0.05, 1.0  # [m]: how far before its target the region of the first part ends; the second target
