@@ -12,7 +12,8 @@ from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
-    from skillctl.usecases.diff import DiffReport, FieldDifference
+    from skillctl.evaluate.comparison import FieldDifference
+    from skillctl.usecases.diff import DiffReport
 
 EXAMPLES = """\b
 Example:

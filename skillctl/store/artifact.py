@@ -67,6 +67,11 @@ class Artifact:
             if report.leaf >= n_leaves:
                 raise InvalidModelError(f"report on {report.source}: there is no leaf {report.leaf}.")
 
+    @property
+    def taught(self) -> list[Demonstration]:
+        """All demonstrations, those of the first leaf first."""
+        return [motion for motions in self.demonstrations for motion in motions or ()]
+
     @cached_property
     def digest(self) -> str:
         """The content digest, ``sha256:…``: one identity for one content."""

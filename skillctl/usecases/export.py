@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.seds import SedsSkill
-from skillctl.store import Artifact, Lock, contents_of, metadata_of, write_file
+from skillctl.store import Lock, write_file
+from skillctl.store.exports import EXPORT_FORMATS
 from skillctl.store.source import open_skill
-from skillctl.usecases.inspect import joint_mixture
-
-# In place of the date that SciPy writes: the same skill gives the same bytes. Bytes 116 to 127 are MATLAB's.
-MAT_HEADER = b"MATLAB 5.0 MAT-file, written by skillctl".ljust(116)
 
 
 @dataclass(frozen=True)
@@ -65,41 +56,22 @@ def export(
         NotFoundError, ArtifactError: The reference leads to no intact skill.
         StoreError: The file cannot be written.
     """
-    writers = {".mat": None, ".json": _json, ".npz": _npz}
-    if output.suffix not in writers:
+    formats = {each.suffix: each for each in EXPORT_FORMATS}
+    if output.suffix not in formats:
+        *most, last = formats
         raise UsageError(
-            f"{output}: skills are exported as .mat, .json or .npz, told by the ending of the file.",
+            f"{output}: skills are exported as {', '.join(most)} or {last}, told by the ending of the file.",
             hint=f"Name a file with one of these endings, as in -o {output.stem or 'skill'}.json.",
         )
-    if leaf is not None and output.suffix != ".mat":
+    chosen = formats[output.suffix]
+    if leaf is not None and not chosen.one_leaf:
         raise UsageError("--leaf is for .mat files.", hint="Other files hold all leaves.")
     source = open_skill(reference, store, lock)
-    writer = writers[output.suffix]
-    if writer is None:
+    if chosen.one_leaf:
         leaf = _only_leaf(source.skill.leaves, leaf)
-        variables = seds_variables(source.skill.leaves[leaf - 1])
-        data = _mat(variables)
-    else:
-        variables, data = writer(source.artifact)
+    variables, data = chosen.encode(source.artifact, source.skill.leaves[(leaf or 1) - 1])
     write_file(output, data)
-    return ExportReport(source.name, source.artifact.digest, output, leaf, tuple(variables))
-
-
-def seds_variables(skill: SedsSkill) -> dict[str, FloatArray]:
-    """Return what the MATLAB tools call Priors, Mu and Sigma, and where the origin was.
-
-    References:
-        Layout of SEDS_lib by S. M. Khansari-Zadeh: GMR over [position; velocity], target at the origin.
-    """
-    joint = joint_mixture(skill)
-    means = joint.means.copy()
-    means[:, : skill.dimension] -= skill.attractor
-    return {
-        "Priors": joint.priors[None],
-        "Mu": means.T,
-        "Sigma": np.moveaxis(joint.covariances, 0, -1),
-        "attractor": skill.attractor[:, None],
-    }
+    return ExportReport(source.name, source.artifact.digest, output, leaf, variables)
 
 
 def _only_leaf(leaves: tuple[SedsSkill, ...], leaf: int | None) -> int:
@@ -112,28 +84,3 @@ def _only_leaf(leaves: tuple[SedsSkill, ...], leaf: int | None) -> int:
             hint=f"Choose one with --leaf 1 to {len(leaves)}, or write .json or .npz.",
         )
     return leaf
-
-
-def _mat(variables: dict[str, FloatArray]) -> bytes:
-    from scipy.io import savemat
-
-    file = BytesIO()
-    savemat(file, variables)  # type: ignore[arg-type]  # it writes to open files, too
-    return MAT_HEADER + file.getvalue()[len(MAT_HEADER) :]
-
-
-def _json(artifact: Artifact) -> tuple[dict[str, Any], bytes]:
-    document = {"digest": artifact.digest, "meta": metadata_of(artifact)}
-    document["arrays"] = {path: array.tolist() for path, array in contents_of(artifact).items()}
-    return document, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode("ascii")
-
-
-def _npz(artifact: Artifact) -> tuple[dict[str, Any], bytes]:
-    file = BytesIO()
-    texts = {"digest": artifact.digest, "meta.json": json.dumps(metadata_of(artifact), sort_keys=True)}
-    arrays: dict[str, Any] = {
-        **contents_of(artifact),
-        **{name: np.array(text) for name, text in texts.items()},
-    }
-    np.savez(file, **arrays)  # numbers and texts: nothing is pickled
-    return arrays, file.getvalue()

@@ -6,32 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
-from skillctl.model.seds import SedsSkill
+from skillctl.model.joint import JointMixture, joint_mixture
 from skillctl.model.skill import Kind, Skill
 from skillctl.model.space import Space
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
 from skillctl.store.source import open_skill
-
-
-@dataclass(frozen=True, eq=False)
-class JointMixture:
-    """The Gaussian mixture over [ξ; ξ̇] that Eq. 2 speaks of and other SEDS tools use.
-
-    Attributes:
-        priors: Shape (K,).
-        means: Of [ξ; ξ̇], shape (K, 2d).
-        covariances: Shape (K, 2d, 2d).
-    """
-
-    priors: FloatArray
-    means: FloatArray
-    covariances: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,22 +134,6 @@ def inspect(
         operation=artifact.operation,
         provenance=artifact.provenance,
     )
-
-
-def joint_mixture(skill: SedsSkill) -> JointMixture:
-    """Return the mixture over [ξ; ξ̇] whose regression is the skill.
-
-    Mean of ξ̇: Aₖ (μₖ − ξ*); Σ_ξ̇ξ = Aₖ Σₖ; Σ_ξ̇ξ̇ = Aₖ Σₖ Aₖᵀ + Cₖ, with the skill's speed in Aₖ and Cₖ.
-
-    References:
-        Eq. 2, solved for the joint moments.
-    """
-    matrices, sigma = skill.component_matrices, skill.covariances
-    velocities = np.einsum("kij,kj->ki", matrices, skill.means - skill.attractor)
-    cross = matrices @ sigma
-    spread = cross @ matrices.swapaxes(1, 2) + skill.speed**2 * skill.residual_covariances
-    covariances = np.block([[sigma, cross.swapaxes(1, 2)], [cross, spread]])
-    return JointMixture(skill.priors, np.hstack([skill.means, velocities]), covariances)
 
 
 def _node(skill: Skill, share: float) -> Node:

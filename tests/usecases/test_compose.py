@@ -9,6 +9,7 @@ import pytest
 
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.learning.options import LearnOptions
+from skillctl.model.joint import joint_mixture
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Euclidean
@@ -16,7 +17,6 @@ from skillctl.store import Artifact, Operation, current_provenance, encode, read
 from skillctl.store.source import open_skill
 from skillctl.usecases.combine import CombineOptions, combine
 from skillctl.usecases.files import load, save
-from skillctl.usecases.inspect import joint_mixture
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import MergeOptions, merge
 from skillctl.usecases.verify_stability import verify

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from skillctl import store
-from skillctl.usecases.diff import diff, matched_components
+from skillctl.evaluate.comparison import matched_components
+from skillctl.usecases.diff import diff
 from skillctl.usecases.files import load, save
 
 
