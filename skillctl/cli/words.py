@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skillctl.cli.render import Table
 
@@ -91,6 +91,11 @@ def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
         return ()
     distances = f"DTW {length(errors.dtw, unit)} on average, {length(errors.worst_dtw, unit)} at worst"
     return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
+
+
+def stages(results: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Return how the last stage of learning ended, as facts; none if nothing of it is recorded."""
+    return tuple(("learning", stage) for stage in results.get("stages", ())[-1:])
 
 
 def written(place: Written) -> tuple[tuple[str, str], ...]:

@@ -31,3 +31,6 @@ class StageResult:
     result: Result
     steps: int
     late_gain: float | None = None
+
+    def __str__(self) -> str:
+        return f"{self.stage}: {self.result.value} after {self.steps} steps"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from skillctl.demonstrations.options import Reading
 from skillctl.demonstrations.reader import ReadResult
@@ -67,6 +67,8 @@ class LearnReport(MakeReport):
         n_components, dimension, unit: Of the skill; unit of a position, ``m`` or ``rad``.
         attractor: Where it ends, in that unit.
         demonstrations: How well it repeats each one.
+        converged: Whether the stage that gave the skill its numbers converged; stability does not need it.
+        stages: How each stage of learning ended, in words.
         held_out: Errors on demonstrations left out, if they were asked for.
     """
 
@@ -75,6 +77,8 @@ class LearnReport(MakeReport):
     unit: str
     attractor: tuple[float, ...]
     demonstrations: tuple[DemonstrationReport, ...]
+    converged: bool
+    stages: tuple[str, ...]
     held_out: HeldOut | None
 
 
@@ -176,7 +180,7 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
         from skillctl.usecases.pictures import picture_fit  # late: only pictures need Matplotlib
 
         picture_fit(fields["written"].skill, artifact, details.left_out if details else (), request.plot)
-    skill = artifact.skill
+    skill, results = artifact.skill, artifact.operation.results
     return LearnReport(
         **fields,
         notes=details.notes if details else (),
@@ -185,7 +189,9 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
         unit=skill.space.unit,
         attractor=tuple(skill.attractors[0].tolist()),
         demonstrations=artifact.reports,
-        held_out=HeldOut.recorded(artifact.operation.results),
+        converged=bool(results.get("converged")),
+        stages=cast("tuple[str, ...]", results.get("stages", ())),
+        held_out=HeldOut.recorded(results),
     )
 
 
@@ -222,6 +228,8 @@ def _artifact(fitted: Fit, operation: Operation, provenance: Provenance, errors:
         "log_likelihood": fitted.log_likelihood,
         "deviation_bound": fitted.deviation_bound,
         "rising_share": fitted.rising_share,
+        "converged": fitted.converged,
+        "stages": tuple(str(stage) for stage in fitted.results),
         **(errors.results() if errors else {}),
     }
     return Artifact(

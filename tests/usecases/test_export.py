@@ -139,7 +139,7 @@ def test_the_schema_describes_what_is_written_and_refuses_what_is_not(run, both)
     assert agrees(meta, schema, definitions)
     assert not agrees({**meta, "more": 1}, schema, definitions)
     assert not agrees({key: value for key, value in meta.items() if key != "skill"}, schema, definitions)
-    assert not agrees({**meta, "format": 2}, schema, definitions)
+    assert not agrees({**meta, "format": 3}, schema, definitions)
     lied = {**meta["provenance"], "parents": [{**meta["provenance"]["parents"][0], "digest": "sha256:0"}]}
     assert not agrees({**meta, "provenance": lied}, schema, definitions)
     assert "\\\\z" not in json.dumps(schema)
