@@ -10,16 +10,40 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from skillctl.compose.combine import combine
+from skillctl.compose.merge import merge
 from skillctl.demonstrations.reaching import reaching_demonstrations
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
+from skillctl.model.controller import Controller
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill
 from skillctl.stability.certificate import certify
+
+REACHES = ("top-centre", "bottom-left", "bottom-right")
 
 
 @pytest.fixture(scope="module")
-def reach() -> SedsSkill:
-    return fit(reaching_demonstrations("top-centre"), LearnOptions(preset="fast", n_components=7)).skill
+def parts() -> list[SedsSkill]:
+    options = LearnOptions(preset="fast", n_components=7, metric="euclidean")  # one P: they merge as they are
+    return [fit(reaching_demonstrations(task), options).skill for task in REACHES]
+
+
+@pytest.fixture(scope="module")
+def reach(parts: list[SedsSkill]) -> SedsSkill:
+    return parts[0]
+
+
+@pytest.fixture(scope="module")
+def kinds(parts: list[SedsSkill]) -> dict[str, Skill]:
+    """A skill of every kind and gate, seven components a part, three dimensions."""
+    merged = {gate.name: merge(parts[:2], gate=gate.name) for gate in MERGE_GATES}
+    combined = {gate.name: combine(parts, gate=gate.name) for gate in COMBINE_GATES}
+    return {"learned": parts[0], **merged, **combined}
+
+
+KINDS = ["learned", *(gate.name for gate in (*MERGE_GATES, *COMBINE_GATES))]
 
 
 @pytest.mark.benchmark(group="one state")
@@ -35,6 +59,24 @@ def test_one_state(benchmark: BenchmarkFixture, reach: SedsSkill, distance: floa
     velocity = benchmark(reach.velocity, state)
     assert np.isfinite(velocity).all()
     assert (velocity @ reach.lyapunov @ (state - reach.attractor) <= 0).all()  # V does not grow
+
+
+@pytest.mark.benchmark(group="one state of each kind")
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_state_of_each_kind(benchmark: BenchmarkFixture, kinds: dict[str, Skill], kind: str) -> None:
+    skill, state = kinds[kind], np.array([0.42, 0.05, 0.55])
+    velocity = benchmark(skill.velocity, state)
+    # One product of all states is summed in another order than one for each.
+    np.testing.assert_allclose(velocity, skill.velocity(state[None])[0], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.benchmark(group="one control step")
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_control_step(benchmark: BenchmarkFixture, kinds: dict[str, Skill], kind: str) -> None:
+    controller, state = Controller(kinds[kind], 1e-3), np.array([0.42, 0.05, 0.55])
+    controller.step(state)
+    command = benchmark(controller.step, state)  # the part that acts is known, as it is in a loop
+    assert np.isfinite(command).all()
 
 
 @pytest.mark.benchmark(group="batch")
