@@ -9,6 +9,7 @@ import typer
 
 from skillctl.cli import learn_batch, options, render, words
 from skillctl.cli.output import Output
+from skillctl.demonstrations.formats import described
 from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,10 +31,7 @@ def learn(
     context: typer.Context,
     data: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="DATA...",
-            help="Files with demonstrations: CSV, TSV, TUM, NPZ, robomimic .hdf5, LASA or LPV-DS .mat.",
-        ),
+        typer.Argument(metavar="DATA...", help=f"Files with demonstrations: {described()}."),
     ] = None,
     output_file: options.OutputFile = None,
     name: options.Name = None,
