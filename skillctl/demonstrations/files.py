@@ -32,14 +32,12 @@ class File:
         columns: Names of the position columns that the user asked for; formats without names of their own
             leave them to the caller.
         child: Parses what only large libraries in C can: a damaged file may crash, hang or exhaust them.
-        limits: Those of the child, for messages.
     """
 
     path: Path
     content: bytes
     columns: Sequence[str] | None
     child: Child
-    limits: Limits = LIMITS
     _parsed: dict[Any, Any] = field(default_factory=dict)
 
     def parsed(self, parser: Callable[..., Any], kind: str, **options: Any) -> Any:
@@ -60,7 +58,7 @@ class File:
         return self._parsed[parser]
 
     def _parse(self, parser: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
-        path, limits = self.path, self.limits
+        path, limits = self.path, self.child.limits or LIMITS
         try:
             return self.child.call(parser, self.content, **options)
         except TimeoutError:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from skillctl.errors import InputDataError
 from skillctl.simulation.bullet import load_bullet, silenced
 
 STEPS = 24  # of physics: enough for masses that make no sense to show
@@ -18,27 +19,31 @@ JOINT_TYPES = (*BOUNDED, "continuous", "fixed")
 FIXED = 4  # Bullet's number of this type
 
 
-def describe(path: str) -> dict[str, Any]:
-    """Return ``refused`` with a reason, or ``joints``, a list of dictionaries: see ``_joint``."""
+def joints(path: str) -> list[dict[str, Any]]:
+    """Return what PyBullet makes of the joints in a URDF file, see ``_joint``.
+
+    Raises:
+        InputDataError: It is none, or cannot be simulated; what follows "this URDF file" in a sentence.
+    """
     try:
         root = Xml.parse(path).getroot()
     except Xml.ParseError as error:
-        return {"refused": f"is no XML ({error})"}
+        raise InputDataError(f"is no XML ({error})") from error
     if root.tag != "robot":
-        return {"refused": f"holds <{root.tag}>, not the <robot> of a URDF file"}
+        raise InputDataError(f"holds <{root.tag}>, not the <robot> of a URDF file")
     if any("xacro" in element.tag for element in root.iter()):
-        return {"refused": "is a xacro template, which has to be expanded first"}
+        raise InputDataError("is a xacro template, which has to be expanded first")
     for joint in root.findall("joint"):
         name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
         if kind not in JOINT_TYPES:
-            return {"refused": f"has a joint {name} of the type {kind}, which no motor drives"}
+            raise InputDataError(f"has a joint {name} of the type {kind}, which no motor drives")
         bounded = limit is not None and limit.get("lower") is not None and limit.get("upper") is not None
         if kind in BOUNDED and not bounded:
-            return {"refused": f"gives joint {name} no lower and upper limit"}
+            raise InputDataError(f"gives joint {name} no lower and upper limit")
     return _loaded(path, {joint.get("name") for joint in root.iterfind("joint[@type='continuous']")})
 
 
-def _loaded(path: str, continuous: set[str | None]) -> dict[str, Any]:
+def _loaded(path: str, continuous: set[str | None]) -> list[dict[str, Any]]:
     bullet = load_bullet()
     client = bullet.connect(bullet.DIRECT)
     with _chatter() as chatter:
@@ -47,9 +52,9 @@ def _loaded(path: str, continuous: set[str | None]) -> dict[str, Any]:
         except bullet.error:
             body = None
     if missing := re.search(r"cannot (?:find|extract mesh from) '([^']*)'", chatter[0]):
-        return {"refused": f"refers to {missing[1]!r}, which is missing or damaged"}
+        raise InputDataError(f"refers to {missing[1]!r}, which is missing or damaged")
     if body is None:
-        return {"refused": "cannot be loaded by PyBullet"}
+        raise InputDataError("cannot be loaded by PyBullet")
     infos = [
         bullet.getJointInfo(body, joint, physicsClientId=client)
         for joint in range(bullet.getNumJoints(body, physicsClientId=client))
@@ -61,8 +66,8 @@ def _loaded(path: str, continuous: set[str | None]) -> dict[str, Any]:
     moving = [info[0] for info in infos if info[2] != FIXED]
     states = bullet.getJointStates(body, moving, physicsClientId=client) if moving else []
     if not all(math.isfinite(value) for state in states for value in state[:2]):
-        return {"refused": "has masses or inertias with which it cannot move"}
-    return {"joints": [_joint(info, continuous) for info in infos]}
+        raise InputDataError("has masses or inertias with which it cannot move")
+    return [_joint(info, continuous) for info in infos]
 
 
 def _joint(info: tuple[Any, ...], continuous: set[str | None]) -> dict[str, Any]:

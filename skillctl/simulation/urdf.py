@@ -102,16 +102,15 @@ def _probed(path: Path) -> list[Joint]:
     """Return the joints of the file, as a process of its own has read them."""
     try:
         with Child(LIMITS) as child:
-            answer = child.call(probe.describe, str(path))
+            return list(child.call(probe.joints, str(path)))
+    except InputDataError as refusal:
+        reason = str(refusal)
     except TimeoutError:
-        raise _refused(path, f"takes longer than {LIMITS.seconds:g} s to load") from None
+        reason = f"takes longer than {LIMITS.seconds:g} s to load"
     except (ChildDiedError, MemoryError, ValueError) as error:
         how = f"the process that does {error}" if isinstance(error, ChildDiedError) else str(error)
         reason = f"cannot be loaded ({how or 'no memory is left'}); it, or a mesh it names, is damaged"
-        raise _refused(path, reason) from None
-    if "refused" in answer:
-        raise _refused(path, answer["refused"])
-    return list(answer["joints"])
+    raise _refused(path, reason)
 
 
 def _refused(path: Path, reason: str) -> InputDataError:

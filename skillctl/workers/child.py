@@ -54,7 +54,7 @@ class Child:
     """
 
     def __init__(self, limits: Limits | None = None, environment: Mapping[str, str] = NO_MORE) -> None:
-        self._limits = limits
+        self.limits = limits
         # One thread for linear algebra: others would reserve address space, and results would depend on them.
         self._environment = {**dict.fromkeys(THREAD_VARIABLES, "1"), **environment}
         self._process: Process | None = None
@@ -83,10 +83,10 @@ class Child:
         request = pickle.dumps((function, arguments, options))
         process = self._started()
         try:
-            with _time_limit(process, self._limits):
+            with _time_limit(process, self.limits):
                 requests, answers = _pipes(process)
                 messages.send(requests, request)
-                text, numbers = messages.receive(answers, self._limits)
+                text, numbers = messages.receive(answers, self.limits)
         except (EOFError, ValueError, BrokenPipeError):
             how = _ending(process)
             self._end(process)
@@ -94,7 +94,7 @@ class Child:
         except BaseException:  # too late, or Ctrl-C: half an exchange would spoil the next
             self._end(process)
             raise
-        return messages.result(text, numbers, self._limits)
+        return messages.result(text, numbers, self.limits)
 
     def close(self) -> None:
         """End the process, if there is one, and start no other."""
@@ -108,12 +108,12 @@ class Child:
             if self._closed:
                 raise ChildDiedError("was closed")
             if self._process is None:
-                limits = json.dumps(self._limits and asdict(self._limits))
+                limits = json.dumps(self.limits and asdict(self.limits))
                 self._process = subprocess.Popen(
                     [sys.executable, "-I", "-B", "-c", START, limits, *sys.path],  # -I: nothing from the cwd
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
-                    stderr=None if self._limits is None else subprocess.DEVNULL,
+                    stderr=None if self.limits is None else subprocess.DEVNULL,
                     env={**os.environ, **self._environment},
                 )
             return self._process

@@ -48,9 +48,9 @@ def child(parsers) -> Iterator[Child]:
         yield child
 
 
-def refusal(parser: Callable[..., object], child: Child, limits: Limits = LIMITS) -> str:
+def refusal(parser: Callable[..., object], child: Child) -> str:
     with pytest.raises(InputDataError) as caught:
-        File(Path("reach.bin"), b"bytes", None, child, limits).parsed(parser, "XYZ file")
+        File(Path("reach.bin"), b"bytes", None, child).parsed(parser, "XYZ file")
     message = str(caught.value)
     assert message.startswith("reach.bin: ")
     assert message.isprintable()
@@ -78,9 +78,8 @@ def test_what_a_library_says_is_short_and_safe_to_print(child, parsers) -> None:
 
 def test_a_parser_that_hangs_is_stopped(parsers) -> None:
     assert LIMITS.seconds < 9  # [s]; a command answers within ten, its own start included
-    limits = Limits(seconds=3.0)
-    with Child(limits) as child:
-        assert refusal(parsers.sleep, child, limits) == "reading this XYZ file takes longer than 3 s."
+    with Child(Limits(seconds=3.0)) as child:
+        assert refusal(parsers.sleep, child) == "reading this XYZ file takes longer than 3 s."
 
 
 def test_a_process_that_does_not_start_is_said_to(monkeypatch, parsers) -> None:
