@@ -1,4 +1,4 @@
-"""Reading TOML: a table, or a sentence on why it is none."""
+"""Read TOML files, or say why they cannot be read."""
 
 from __future__ import annotations
 

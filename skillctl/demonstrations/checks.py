@@ -1,4 +1,4 @@
-"""From a recording to a demonstration: what is refused, what is repaired, what is worth a word."""
+"""From a recording to a demonstration: what is refused, what is repaired, and what is reported."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from skillctl.model.demonstration import Demonstration, DemonstrationSet
 LARGEST = 1e9  # no position lies further out, in any unit; sums of squares cannot overflow
 GAP = 3.0  # a step this many times longer than the median is a gap
 JITTER = 0.5  # spread of the middle 90 % of steps, against their median
-LONG = 600.0  # [s]; one showing of a motion is shorter, unless times are not in seconds
-END_SPREAD = 0.1  # of the extent: ends further apart than this are worth a word
+LONG = 600.0  # [s]; one demonstration of a motion is shorter, unless times are not in seconds
+END_SPREAD = 0.1  # of the extent: ends further apart than this are reported
 SPIKE = 10.0  # a step this many times longer than the median one is a jump
 SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
 SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
@@ -25,7 +25,7 @@ EXTENTS = (0.005, 10.0)  # [m]; motions of an arm are neither smaller nor larger
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What was noticed in one recording.
+    """Properties of one recording that a user may want to know.
 
     Attributes:
         label: File and part.
@@ -53,7 +53,7 @@ class Findings:
 
 @np.errstate(all="ignore")  # what overflows is no number, and the demonstration refuses it in words
 def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[Demonstration, Findings]:
-    """Return the demonstration in a recording, and what was noticed on the way.
+    """Return the demonstration in a recording, and its findings.
 
     Args:
         recording: As read.

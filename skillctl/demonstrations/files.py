@@ -1,4 +1,4 @@
-"""Read a file's bytes once, and say in words why not."""
+"""Read a file once, have it parsed in a child process, and say in words what is wrong with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HDF5, as far as other people's files may use it: what lies in the file itself, and numbers only.
+"""Read other people's HDF5 files: numbers that lie in the file itself, and nothing else.
 
 Runs in a child process alone, see ``files.File.parsed``. Every link is looked at before it is followed, and
 every dataset before it is read.

@@ -88,9 +88,7 @@ def run_batch(
         skill: What is run.
         scenario: How often, and what is drawn (see ``drawn``).
         starts: Where the demonstrations of the skill start, shape (n, d).
-        workers: Processes, or a cluster; one process by default. They are always others than this one, and
-            start by importing the program that runs: a script that calls this needs
-            ``if __name__ == "__main__":``.
+        workers: Processes, or a cluster; one process by default. They are always others than this one.
         progress: Called before the first and after every episode.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Who does the work on many items: this process, others, or a cluster. None of them changes a result."""
+"""Work on many items in this process, in others, or on a cluster; the results are the same."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Backend: TypeAlias = Literal["processes", "dask"]
 
 
 class WorkerDied:
-    """What takes the place of a result whose process ended without one: a crash in C, or a kill."""
+    """Stands in place of a result whose process ended without one: by a crash in C, or killed."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class Workers:
         done: Callable[[int, Result | WorkerDied], None] | None = None,
         isolated: bool = False,
     ) -> list[Result | WorkerDied]:
-        """Return task(item) for every item, in their order. One whose process dies costs itself only.
+        """Return task(item) for every item, in their order. A process that dies costs its own item only.
 
         Args:
             task: Picklable; the same item must give the same result in any process. It has one thread for
                 linear algebra.
             items: What to call it with, picklable.
-            done: Called with (position, result) as soon as each is there; that is in no certain order.
+            done: Called with (position, result) as soon as each is there, in any order.
             isolated: Use processes of their own even for one job, because the task may crash.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Work on a Dask cluster. Its workers compute where we are: same directory, same files, same versions."""
+"""Work on a Dask cluster, whose workers must have the same directory, files and versions as this process."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _result(future: Any) -> Any:
     except (CancelledError, asyncio.CancelledError) as error:
         raise StoreError(
             "the cluster was lost.",
-            hint="Say the same again when it is back: what was finished is up to date.",
+            hint="Run the same command again when it is back; what was finished is not made again.",
         ) from error
 
 
@@ -142,7 +142,7 @@ def _connected(scheduler: str) -> Iterator[Any]:
         ) from error
     logger = logging.getLogger("distributed")
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # what is wrong, we say in words of our own
+    logger.setLevel(logging.CRITICAL)  # our own messages say what is wrong
     try:
         with _client(Client, scheduler) as client:
             yield client
