@@ -114,5 +114,6 @@ def format_of(file: File) -> Format:
         expected = "demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt])"
         raise matlab.other_layout(file, "a MATLAB file of unknown layout", expected)
     raise InputDataError(
-        f"{file.path}: neither text nor a format that skillctl knows.", hint=f"These are read: {described()}."
+        f"{file.path}: neither text nor a format that skillctl knows.",
+        hint=f"Demonstrations are read from {described()}.",
     )

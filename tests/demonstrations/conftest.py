@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,8 +58,11 @@ def save_mat(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture(scope="module")
 def child() -> Iterator[Child]:
-    """A process that parses; one for many tests, because starting it takes longer than they do."""
-    with Child(LIMITS, NO_PLUGINS) as child:
+    """A process that parses; one for many tests, because starting it takes longer than they do.
+
+    It may take long on a busy machine.
+    """
+    with Child(replace(LIMITS, seconds=60.0), NO_PLUGINS) as child:
         yield child
 
 
