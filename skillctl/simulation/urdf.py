@@ -108,7 +108,7 @@ def _probed(path: Path) -> list[Joint]:
     except TimeoutError:
         reason = f"takes longer than {LIMITS.seconds:g} s to load"
     except (ChildDiedError, MemoryError, ValueError) as error:
-        how = f"the process that does {error}" if isinstance(error, ChildDiedError) else str(error)
+        how = f"the process that tries {error}" if isinstance(error, ChildDiedError) else str(error)
         reason = f"cannot be loaded ({how or 'no memory is left'}); it, or a mesh it names, is damaged"
     raise _refused(path, reason)
 
