@@ -41,7 +41,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """How lengths are told: in metres, millimetres or radians."""
+    """The unit in which a figure gives lengths: metres, millimetres or radians."""
 
     factor: float
     unit: str
@@ -51,8 +51,8 @@ class Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
 
-    def told(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
-        """Return the picked coordinates of positions (…, d), as they are told. Shape (number picked, …)."""
+    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
+        """Return the picked coordinates of positions (…, d) in this unit. Shape (number picked, …)."""
         return np.asarray(self.factor * positions[..., picked].T)
 
 
@@ -83,21 +83,21 @@ class Portrait:
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
     """Return the portrait of a skill and the demonstrations that its leaves carry."""
-    shown = tuple(motion for members in taught if members is not None for motion in members)
+    demonstrations = tuple(motion for members in taught if members is not None for motion in members)
     density = skill.density
-    starts = np.stack([d.positions[0] for d in shown]) if shown else density.means
-    longest = max((d.duration for d in shown), default=None)
+    starts = np.stack([d.positions[0] for d in demonstrations]) if demonstrations else density.means
+    longest = max((d.duration for d in demonstrations), default=None)
     motions = motions_from(skill, starts, longest)
     spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    around = [d.positions for d in shown] or [density.means - spread, density.means + spread]
+    around = [d.positions for d in demonstrations] or [density.means - spread, density.means + spread]
     inner = np.vstack([*around, skill.attractors])
     near = [_inside(motion.positions, inner) for motion in motions]
     low, high = box_around(np.vstack([inner, *near]))
-    return Portrait(name, skill, shown, motions, low, high)
+    return Portrait(name, skill, demonstrations, motions, low, high)
 
 
 def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None) -> tuple[Motion, ...]:
-    """Return the motions of a skill from starts (n, d), each until it arrives or is lost sight of.
+    """Return the motions of a skill from starts (n, d), each until it arrives or leaves the picture.
 
     Args:
         skill: The skill.
@@ -134,7 +134,7 @@ def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return those positions that are not lost sight of."""
+    """Return those positions that are near enough to be in the picture."""
     low, high = inner.min(axis=0), inner.max(axis=0)
     reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
     near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
