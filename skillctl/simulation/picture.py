@@ -12,11 +12,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.geometry import arc_lengths, box
 from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
-from skillctl.simulation.episode import PHASES, Episode, way_along
+from skillctl.simulation.episode import PHASES, Episode
 from skillctl.simulation.scenario import Plane
 from skillctl.simulation.stage import Stage
 
@@ -156,7 +157,7 @@ class Scenery(Stage):
 
 def _moments(episode: Episode) -> list[int]:
     """Return the rows to show: at equal parts of the way, as the end of a motion is slow."""
-    way = way_along(episode.series.hand)
+    way = arc_lengths(episode.series.hand)
     count = COLUMNS * ROWS
     inner = np.searchsorted(way, way[-1] * np.arange(1, count - 1) / (count - 1))
     return [0, *inner.tolist(), len(way) - 1]
@@ -206,8 +207,9 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
                 red, green, blue = 1 - PALENESS * (1 - np.array(_colour(row, trace, colour_by)) / 255)
                 stage.put(stage.add_cup(row.scenario.cup, (red, green, blue, 1.0)), trace.cup)
         motion = np.vstack([np.vstack([trace.path, trace.target]) for _, trace in visible])
-        low, high = motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD
-        points = np.vstack([motion, np.clip(stage.corners, low, high), stage.arm_extent()])
+        low, high = box(motion)
+        near = np.clip(stage.corners, low - NEIGHBOURHOOD, high + NEIGHBOURHOOD)
+        points = np.vstack([motion, near, stage.arm_extent()])
         towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
         camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
         canvas = Canvas(stage, camera, OVERVIEW)
