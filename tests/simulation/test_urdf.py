@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.urdf import find_arm
+from skillctl.workers.child import ChildDiedError
 
 BUNDLED = Path(pybullet_data.getDataPath())
 LIMIT = '<limit lower="-2" upper="1.5" effort="80" velocity="2.5"/>'
@@ -160,22 +159,23 @@ def test_a_changed_file_is_read_again(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ended", "words"),
+    ("failure", "words"),
     [
-        (subprocess.TimeoutExpired("probe", 60.0), "takes longer than 60 s to load"),
-        (subprocess.CompletedProcess("probe", 3, b"", b""), r"fail \(status 3\)"),
-        (subprocess.CompletedProcess("probe", -signal.SIGSEGV, b"", b""), r"crash \(SIGSEGV\)"),
+        (TimeoutError(), "takes longer than 60 s to load"),
+        (
+            ChildDiedError("ends with SIGSEGV"),
+            r"cannot be loaded \(the process that does ends with SIGSEGV\)",
+        ),
+        (MemoryError(), r"cannot be loaded \(no memory is left\)"),
     ],
 )
 def test_a_file_that_ends_its_reader_is_refused(
-    write: Write, monkeypatch: pytest.MonkeyPatch, ended: object, words: str
+    write: Write, monkeypatch: pytest.MonkeyPatch, failure: Exception, words: str
 ) -> None:
-    def run(*_: object, **__: object) -> object:
-        if isinstance(ended, Exception):
-            raise ended
-        return ended
+    def call(*_: object) -> object:
+        raise failure
 
     path = write(robot())
-    monkeypatch.setattr("skillctl.simulation.urdf.subprocess.run", run)
+    monkeypatch.setattr("skillctl.workers.child.Child.call", call)
     with pytest.raises(InputDataError, match=words):
         find_arm(str(path))
