@@ -31,9 +31,9 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
         left_out: For each demonstration, the motion from its start of a skill that was learned without it;
             empty if nobody asked.
     """
-    shown = portrait.demonstrations[:MOST_PROFILES]
+    profiled = portrait.demonstrations[:MOST_PROFILES]
     dimension = portrait.skill.dimension
-    rows = math.ceil(len(shown) / ACROSS)
+    rows = math.ceil(len(profiled) / ACROSS)
     portrait = _boxed(portrait, left_out)
     draws = columns_of(portrait, paths=True)
     tall = _height_of_paths(portrait, len(draws))
@@ -47,8 +47,8 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
             _draw_left_out(axes, left_out, panel, dimension, scale)
         top = HEADROOM * scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
         profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
-        profiles = style.first(profiles, len(shown))
-        for index, (axes, demonstration) in enumerate(zip(profiles, shown, strict=True)):
+        profiles = style.first(profiles, len(profiled))
+        for index, (axes, demonstration) in enumerate(zip(profiles, profiled, strict=True)):
             held = left_out[index] if left_out else None
             _draw_profile(axes, demonstration, portrait.motions[index], held, scale, top)
             axes.set_title(
@@ -56,7 +56,7 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
             )
         _label_outer(profiles, scale, latest_of(portrait), top)
         count = len(portrait.demonstrations)
-        some = f", speeds of the first {len(shown)} of {count}" if count > len(shown) else ""
+        some = f", speeds of the first {len(profiled)} of {count}" if count > len(profiled) else ""
         figure.suptitle(f"{style.named(portrait.name)}: demonstrations and motions from their starts{some}")
         held_out = ["learned without that demonstration"] if left_out else []
         ends = ["start", "attractor"] if dimension in (2, 3) else []
@@ -91,9 +91,9 @@ def _height_of_paths(portrait: Portrait, panels: int) -> float:
 def _draw_left_out(axes: Axes, left_out: Sequence[Motion], panel: int, dimension: int, scale: Scale) -> None:
     for each in left_out:
         if dimension in (2, 3):
-            axes.plot(*scale.told(each.positions, VIEWS[panel]), **style.HELD)
+            axes.plot(*scale.coordinates(each.positions, VIEWS[panel]), **style.HELD)
         else:
-            axes.plot(each.times, *scale.told(each.positions, [panel]), **style.HELD)
+            axes.plot(each.times, *scale.coordinates(each.positions, [panel]), **style.HELD)
 
 
 def _draw_profile(
@@ -108,9 +108,9 @@ def _draw_profile(
         axes.plot(each.times, scale.factor * each.speeds, **line)
         peak = scale.factor * float(each.speeds.max())
         if peak > top:
-            told_peak = f"peak {style.told(peak)} {scale.unit}/s"
+            words = f"peak {style.two_digits(peak)} {scale.unit}/s"
             place = (0.98, 0.97 - 0.15 * row)
-            axes.annotate(told_peak, place, xycoords="axes fraction", ha="right", va="top", fontsize=7,
+            axes.annotate(words, place, xycoords="axes fraction", ha="right", va="top", fontsize=7,
                           color=line["color"])  # fmt: skip
 
 

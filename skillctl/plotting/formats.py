@@ -1,4 +1,4 @@
-"""Which pictures can be written; asked before any work is done, so without Matplotlib."""
+"""Which pictures can be written. This is checked before any work is done, hence without Matplotlib."""
 
 from __future__ import annotations
 

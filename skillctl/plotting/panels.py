@@ -54,9 +54,9 @@ def course(i: int) -> Draw:
     """Return the function that draws coordinate i against time."""
 
     def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-        for shown in portrait.demonstrations:
-            times = shown.times - shown.times[0]
-            axes.plot(times, scale.factor * shown.positions[:, i], **style.DEMONSTRATED)
+        for demonstration in portrait.demonstrations:
+            times = demonstration.times - demonstration.times[0]
+            axes.plot(times, scale.factor * demonstration.positions[:, i], **style.DEMONSTRATED)
         for motion in portrait.motions:
             axes.plot(motion.times, scale.factor * motion.positions[:, i], **style.MOVED)
         for goal in portrait.goals:
@@ -71,9 +71,9 @@ def draw_line_field(axes: Axes, portrait: Portrait, scale: Scale) -> None:
     """Draw a 1-D skill: its velocity over its coordinate, with that of the demonstrations."""
     x = np.linspace(portrait.low[0], portrait.high[0], 400)
     field = portrait.skill.velocity(x[:, None])[:, 0]
-    for shown in portrait.demonstrations:
-        moved = np.hstack([shown.positions, shown.velocities])
-        axes.plot(*scale.told(moved, (0, 1)), **style.DEMONSTRATED)
+    for demonstration in portrait.demonstrations:
+        phases = np.hstack([demonstration.positions, demonstration.velocities])
+        axes.plot(*scale.coordinates(phases, (0, 1)), **style.DEMONSTRATED)
     axes.plot(scale.factor * x, scale.factor * field, **style.MOVED)
     axes.axhline(0, color=style.QUIET, lw=0.7, zorder=1)
     axes.plot(scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **style.GOAL)
@@ -109,10 +109,10 @@ def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int], scale: Sca
     """Draw demonstrations, motions, starts and attractors in the coordinates picked: two, or three in 3-D."""
 
     def draw(positions: FloatArray, line: style.Line) -> None:
-        axes.plot(*scale.told(positions, picked), **line)
+        axes.plot(*scale.coordinates(positions, picked), **line)
 
-    for shown in portrait.demonstrations:
-        draw(shown.positions, style.DEMONSTRATED)
+    for demonstration in portrait.demonstrations:
+        draw(demonstration.positions, style.DEMONSTRATED)
     for motion in portrait.motions:
         draw(motion.positions, style.MOVED)
     for colour, starts in starts_of(portrait):

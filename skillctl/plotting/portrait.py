@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.geometry import box
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
@@ -41,7 +42,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """How lengths are told: in metres, millimetres or radians."""
+    """The unit in which a figure gives lengths: metres, millimetres or radians."""
 
     factor: float
     unit: str
@@ -51,8 +52,8 @@ class Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
 
-    def told(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
-        """Return the picked coordinates of positions (…, d), as they are told. Shape (number picked, …)."""
+    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
+        """Return the picked coordinates of positions (…, d) in this unit. Shape (number picked, …)."""
         return np.asarray(self.factor * positions[..., picked].T)
 
 
@@ -83,21 +84,21 @@ class Portrait:
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
     """Return the portrait of a skill and the demonstrations that its leaves carry."""
-    shown = tuple(motion for members in taught if members is not None for motion in members)
+    demonstrations = tuple(motion for members in taught if members is not None for motion in members)
     density = skill.density
-    starts = np.stack([d.positions[0] for d in shown]) if shown else density.means
-    longest = max((d.duration for d in shown), default=None)
+    starts = np.stack([d.positions[0] for d in demonstrations]) if demonstrations else density.means
+    longest = max((d.duration for d in demonstrations), default=None)
     motions = motions_from(skill, starts, longest)
     spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    around = [d.positions for d in shown] or [density.means - spread, density.means + spread]
+    around = [d.positions for d in demonstrations] or [density.means - spread, density.means + spread]
     inner = np.vstack([*around, skill.attractors])
     near = [_inside(motion.positions, inner) for motion in motions]
     low, high = box_around(np.vstack([inner, *near]))
-    return Portrait(name, skill, shown, motions, low, high)
+    return Portrait(name, skill, demonstrations, motions, low, high)
 
 
 def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None) -> tuple[Motion, ...]:
-    """Return the motions of a skill from starts (n, d), each until it arrives or is lost sight of.
+    """Return the motions of a skill from starts (n, d), each until it arrives or leaves the picture.
 
     Args:
         skill: The skill.
@@ -126,7 +127,7 @@ def joint_box(portraits: Sequence[Portrait]) -> tuple[FloatArray, FloatArray]:
 
 def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a box around points (n, d), with a margin, no side much shorter than others."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = box(points)
     longest = float((high - low).max()) or 1.0
     half = 0.5 * np.maximum(high - low, SLIMMEST * longest) + MARGIN * longest
     middle = 0.5 * (low + high)
@@ -134,8 +135,8 @@ def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return those positions that are not lost sight of."""
-    low, high = inner.min(axis=0), inner.max(axis=0)
+    """Return those positions that are near enough to be in the picture."""
+    low, high = box(inner)
     reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
     near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
     return np.asarray(positions[near])

@@ -82,7 +82,7 @@ def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | Non
     _draw_marks(axes, portrait, bounds, lost, (0, 1), scale)
     if np.isfinite(rates).any():
         lowest = int(np.nanargmin(rates))
-        axes.plot(*scale.told(places[lowest], (0, 1)), **style.LOWEST)
+        axes.plot(*scale.coordinates(places[lowest], (0, 1)), **style.LOWEST)
         axes.set_title(f"lowest here: {rates[lowest]:.3g} 1/s")
 
 
@@ -106,10 +106,10 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
         each.set_title(f"{style.named(portrait.skill.space.names[rest])} = {where}")
         if np.isfinite(rates).any():
             lowest = int(np.nanargmin(rates))
-            each.plot(*scale.told(space[lowest], pair), **style.LOWEST)
-    told = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
+            each.plot(*scale.coordinates(space[lowest], pair), **style.LOWEST)
+    words = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
     bar = axes[0].figure.colorbar(
-        image, ax=list(axes), label=told, extend=_extend(rates), location="left", shrink=0.7
+        image, ax=list(axes), label=words, extend=_extend(rates), location="left", shrink=0.7
     )
     style.logarithmic(bar.ax.yaxis)
 
@@ -161,16 +161,16 @@ def _draw_marks(
 ) -> None:
     """Draw demonstrations faintly, attractors, certified radii and the witness."""
     for motion in portrait.motions:
-        axes.plot(*scale.told(motion.positions, pair), **style.FAINT)
-    axes.plot(*scale.told(portrait.goals, pair), **style.GOAL)
+        axes.plot(*scale.coordinates(motion.positions, pair), **style.FAINT)
+    axes.plot(*scale.coordinates(portrait.goals, pair), **style.GOAL)
     for part, radius in zip(portrait.skill.acting_parts, bounds.radii, strict=True):
         if radius is not None:
-            x, y = scale.told(part.attractor, pair)
+            x, y = scale.coordinates(part.attractor, pair)
             size = scale.factor * radius
             axes.add_patch(Circle((x, y), size, fc="none", ec="white", lw=1.4, zorder=6))
     if lost is not None:
-        axes.plot(*scale.told(lost.positions, pair), **style.LOST)
-        start = scale.told(lost.positions[0], pair)
+        axes.plot(*scale.coordinates(lost.positions, pair), **style.LOST)
+        start = scale.coordinates(lost.positions[0], pair)
         axes.plot(*start, "o", mfc="white", mec=style.WITNESS, ms=5, zorder=8)
 
 

@@ -111,7 +111,7 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
         words = "the wider, the faster"
         if len(portraits) == 1:
             (only,) = portraits
-            fastest = style.told(scale.factor * widest_speed(only.skill, only.low, only.high))
+            fastest = style.two_digits(scale.factor * widest_speed(only.skill, only.low, only.high))
             words = f"widest: {fastest} {scale.unit}/s"
         handles[f"field; {words}"] = style.entries("field")["field"]
     for portrait in portraits:

@@ -142,7 +142,7 @@ def legend(figure: Figure, handles: dict[str, Any], columns: int = 4) -> None:
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
 
 
-def told(value: float) -> str:
+def two_digits(value: float) -> str:
     """Return a number for people: two significant digits, never an exponent where digits will do."""
     return f"{float(f'{value:.2g}'):g}"
 

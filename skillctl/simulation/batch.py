@@ -1,4 +1,4 @@
-"""Many episodes of one scenario: each drawn, run in a process of its own, and summed up in a row."""
+"""Many episodes of one scenario. Each is drawn, runs in a process of its own, and becomes a row."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def run_batch(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Row, ...]:
-    """Return the episodes of a scenario in their order. Neither it nor who does the work changes any of them.
+    """Return the episodes of a scenario, in order. They do not depend on that order, nor on the workers.
 
     Args:
         skill: What is run.

@@ -1,4 +1,4 @@
-"""The one door to PyBullet: imported late, its C code kept away from our standard output."""
+"""The only access to PyBullet: it is imported late, and its C code does not reach standard output."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class World:
 
     def __getattr__(self, name: str) -> Any:
         """Return a function or constant of PyBullet, which from now on is an attribute of this object."""
-        found = getattr(self._bullet, name)
-        if callable(found):
-            found = partial(found, physicsClientId=self.client)
-        setattr(self, name, found)
-        return found
+        attribute = getattr(self._bullet, name)
+        if callable(attribute):
+            attribute = partial(attribute, physicsClientId=self.client)
+        setattr(self, name, attribute)
+        return attribute
 
 
 @contextmanager

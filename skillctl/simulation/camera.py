@@ -49,8 +49,8 @@ class Camera:
         self._tangents = math.tan(FIELD_OF_VIEW / 2) * np.array([width / height, 1.0])
         # A point (x, y, z) is inside a picture around (u, v) from the distance w if |x − u| and |y − v| are
         # at most tangent · (w − z). The least w for which all points are follows for x and y separately.
-        seen = points @ self._axes.T
-        sideways, depths = seen[:, :2] / (MARGIN * self._tangents), seen[:, 2:]
+        viewed = points @ self._axes.T
+        sideways, depths = viewed[:, :2] / (MARGIN * self._tangents), viewed[:, 2:]
         ahead, behind = (depths + sideways).max(axis=0), (depths - sideways).max(axis=0)
         middle = 0.5 * (ahead - behind) * MARGIN * self._tangents
         distance = 0.5 * float((ahead + behind).max())
@@ -61,9 +61,9 @@ class Camera:
 
         Shape (n, 2): 0 to 1 from left to right, and from top to bottom.
         """
-        seen = (points - self.eye) @ self._axes.T
-        depths = -seen[:, 2]
-        plane = seen[:, :2] / (depths[:, None] * self._tangents)  # −1 … 1
+        viewed = (points - self.eye) @ self._axes.T
+        depths = -viewed[:, 2]
+        plane = viewed[:, :2] / (depths[:, None] * self._tangents)  # −1 … 1
         return 0.5 * (1 + plane * (1, -1)), depths
 
     def hidden(self, points: FloatArray, view: View) -> BoolArray:
@@ -115,9 +115,9 @@ def blurred_within(shares: FloatArray, areas: IntArray) -> FloatArray:
         rows, columns = np.nonzero(areas == area)
         window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         inside = areas[window] == area
-        shown, weight = (
+        blur, weight = (
             np.asarray(Image.fromarray(layer.astype(np.uint8)).filter(ImageFilter.GaussianBlur(SHADOW_BLUR)))
             for layer in (np.rint(255 * shares[window] * inside), 255 * inside)
         )
-        blurred[window][inside] = shown[inside] / np.maximum(weight[inside], 1.0)
+        blurred[window][inside] = blur[inside] / np.maximum(weight[inside], 1.0)
     return blurred

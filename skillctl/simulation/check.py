@@ -1,4 +1,4 @@
-"""Can the arm do it? Start, path and target by inverse kinematics alone: nothing moves, nothing has mass."""
+"""Whether an arm can follow a skill, by inverse kinematics alone: nothing moves, and nothing has mass."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
     lost = None
     if solutions and not solutions[-1].accepted:
         lost = tuple(plan.positions[len(solutions)].tolist())
-    followed = np.stack([setup.joints, *(found.joints for found in solutions if found.accepted)])
+    followed = np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)])
     margins = np.minimum(followed - model.lower, model.upper - followed)
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / model.max_velocity
     return Reachability(
@@ -101,7 +101,7 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
         duration=plan.duration,
         start_residual=start_residual,
         target_residual=kinematics.search(plan.target, scenario.seed).residual,
-        path_residual=max([start_residual, *(found.residual for found in solutions)]),
+        path_residual=max([start_residual, *(each.residual for each in solutions)]),
         lost_at=lost,
         joint_margin=float(margins.min()),
         tightest_joint=int(margins.min(axis=0).argmin()) + 1,

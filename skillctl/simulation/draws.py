@@ -51,27 +51,27 @@ def chosen(
 def _start_of(demo: int, skill: Skill, taught: Taught, scenario: Scenario) -> tuple[float, ...]:
     if scenario.start is not None:
         raise UsageError("start: given twice, by --start and by --demo.", hint="Leave one of them out.")
-    shown = _carried(taught)
-    if not 0 <= demo < len(shown):
+    demonstrations = _carried(taught)
+    if not 0 <= demo < len(demonstrations):
         raise UsageError(
-            f"demonstration {demo} does not exist; the skill carries {len(shown)}, counted from 0.",
+            f"demonstration {demo} does not exist; the skill carries {len(demonstrations)}, counted from 0.",
             hint="`skillctl inspect` lists them; --start gives a start in numbers.",
         )
-    start, target = shown[demo].positions[0], scenario.target
+    start, target = demonstrations[demo].positions[0], scenario.target
     if target is not None and target != "cup" and len(target) == len(start):
         start = start + (target - skill.attractors[0])
     return tuple(start.tolist())
 
 
 def _carried(taught: Taught) -> list[Demonstration]:
-    return [shown for each in taught if each is not None for shown in each]
+    return [demonstration for each in taught if each is not None for demonstration in each]
 
 
 def batch_of(skill: Skill, taught: Taught, scenario: Scenario) -> tuple[Scenario, FloatArray]:
     """Return a scenario that says what is drawn, and the starts that it may draw from, shape (n, d)."""
-    shown = _carried(taught)
-    starts = np.array([each.positions[0] for each in shown]).reshape(len(shown), skill.dimension)
-    reaches = [length(each.positions[-1] - each.positions[0]) for each in shown]
+    demonstrations = _carried(taught)
+    starts = np.array([each.positions[0] for each in demonstrations]).reshape(-1, skill.dimension)
+    reaches = [length(each.positions[-1] - each.positions[0]) for each in demonstrations]
     return with_defaults(scenario, starts, min(reaches, default=0.0)), starts
 
 

@@ -1,4 +1,4 @@
-"""Bullet's window: opened only where it can be, and slow enough to be watched."""
+"""Bullet's window: it is opened only where that is possible, and shows the motion in real time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics: Bullet's solver, made dependable by damping, clamping, checking and restarting."""
+"""Inverse kinematics: Bullet's solver, with damping, clamping, checks and restarts that make it reliable."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Kinematics:
         self.home = np.array(model.home_joints(HAND_PITCH[hand]))
         self._damping = [DAMPING] * (model.n_joints + len(model.others))
         self._columns = model.columns
-        if model.pitch_joint is None:  # nobody has said how this arm holds its hand so
+        if model.pitch_joint is None:  # how this arm holds its hand so is unknown
             self.home = self._ready()
 
     def forward(self, joints: FloatArray) -> FloatArray:
@@ -68,19 +68,19 @@ class Kinematics:
         cosine, sine = math.cos(self._base_yaw), math.sin(self._base_yaw)
         middle = np.array([cosine * x - sine * y, sine * x + cosine * y, z])
         for point in (self.forward(self.home), middle):
-            found = self.search(point, seed=0)
-            if found.accepted:
-                return found.joints
+            solution = self.search(point, seed=0)
+            if solution.accepted:
+                return solution.joints
         return self.home
 
     def follow(self, point: FloatArray, joints: FloatArray) -> Solution:
         """Return the joints for a hand at ``point`` (3,) that was at ``joints`` (n,) one period ago."""
-        found = self._solve(point, joints, STEP_ITERATIONS)
+        angles = self._solve(point, joints, STEP_ITERATIONS)
         position, _ = self._body.hand()
         residual = length(position - point)
-        jump = float(np.abs(found - joints).max())
+        jump = float(np.abs(angles - joints).max())
         # Written so that a NaN anywhere is a refusal.
-        return Solution(found, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
+        return Solution(angles, residual, residual < ACCEPTED_RESIDUAL and jump < ACCEPTED_JUMP)
 
     def along(self, points: Iterable[FloatArray], joints: FloatArray) -> Iterator[Solution]:
         """Yield the joints for each of the points (3,), one period apart, for a hand that was at ``joints``.
@@ -110,10 +110,10 @@ class Kinematics:
         ]
         best = Solution(self.home, math.inf, False)
         for start in starts:
-            found = self._search_from(np.clip(start, self.lower, self.upper), point)
-            if found.accepted:
-                return found
-            best = min(best, found, key=lambda solution: solution.residual)
+            solution = self._search_from(np.clip(start, self.lower, self.upper), point)
+            if solution.accepted:
+                return solution
+            best = min(best, solution, key=lambda each: each.residual)
         return best
 
     def _search_from(self, joints: FloatArray, point: FloatArray) -> Solution:
@@ -133,7 +133,7 @@ class Kinematics:
         body.pose(joints)  # Bullet starts from the body's state; its currentPositions= shifts the frame
         orientation = self.orientation(point)
         target = (point.tolist(),) if orientation is None else (point.tolist(), orientation)
-        found = body.bullet.calculateInverseKinematics(
+        angles = body.bullet.calculateInverseKinematics(
             body.body,
             body.model.tip,
             *target,
@@ -141,7 +141,7 @@ class Kinematics:
             maxNumIterations=iterations,
             residualThreshold=IK_THRESHOLD,
         )
-        clamped = np.clip([found[column] for column in self._columns], self.lower, self.upper)
+        clamped = np.clip([angles[column] for column in self._columns], self.lower, self.upper)
         body.pose(clamped)
         return np.asarray(clamped)
 

@@ -26,36 +26,22 @@ class Verdict:
     detail: str = ""
 
 
-@dataclass(slots=True)
 class Judge:
     """Decides when a motion is over, and how it ended.
 
     Attributes:
-        tolerance: Distance to the target that counts as reached, [m].
-        settle_steps: Control periods that the hand has to stay within it.
         farthest: Distance to every target at which the motion has diverged, [m].
-        refusals: Control periods in a row without joints after which it is over.
-        steps_near: Control periods within the tolerance so far, in a row.
     """
 
-    tolerance: float
-    settle_steps: int
-    farthest: float
-    refusals: int
-    steps_near: int = 0
-
-    @classmethod
-    def of(cls, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> Judge:
-        """Return a judge of a motion that should go as planned but for the scenario's disturbances."""
+    def __init__(self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> None:
+        """Args: plan, which the motion should follow but for disturbances; scenario; control period, [s]."""
         distances = np.linalg.norm(plan.positions - plan.target, axis=1)
         planned = distances.max() if plan.arrived else distances[0]
-        farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
-        return cls(
-            scenario.tolerance,
-            math.ceil(scenario.settle_time / period),
-            farthest,
-            math.ceil(UNREACHABLE_TIME / period),
-        )
+        self.farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
+        self._tolerance = scenario.tolerance
+        self._settle_steps = math.ceil(scenario.settle_time / period)
+        self._refusals = math.ceil(UNREACHABLE_TIME / period)
+        self._steps_near = 0  # control periods within the tolerance so far, in a row
 
     def failure(
         self, motion: Motion, hand: FloatArray, velocity: FloatArray, tracking: Tracking
@@ -66,7 +52,7 @@ class Judge:
             return Verdict("diverged", "the skill's velocity was not a number")
         if not distance < self.farthest:
             return Verdict("diverged", f"the hand was {distance:.2f} m from its target, and going away")
-        if tracking.refusals < self.refusals:
+        if tracking.refusals < self._refusals:
             return None
         where = "({:.2f}, {:.2f}, {:.2f}) m".format(*tracking.reference)
         if tracking.at_limit is None:
@@ -76,6 +62,6 @@ class Judge:
 
     def settled(self, motion: Motion, hand: FloatArray) -> Verdict | None:
         """Return ``reached`` when the hand has stayed at the target for long enough, else None."""
-        near = length(hand - motion.target(hand)) < self.tolerance
-        self.steps_near = self.steps_near + 1 if near else 0
-        return Verdict("reached") if self.steps_near > self.settle_steps else None
+        near = length(hand - motion.target(hand)) < self._tolerance
+        self._steps_near = self._steps_near + 1 if near else 0
+        return Verdict("reached") if self._steps_near > self._settle_steps else None

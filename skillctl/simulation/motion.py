@@ -10,15 +10,12 @@ import numpy as np
 from skillctl.arrays import FloatArray, length
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
-from skillctl.model.space import Euclidean
-from skillctl.model.stepper import moved
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
-WORKSPACE = Euclidean.cartesian(3)
 WORKSPACE_RADIUS = 3.0  # [m]: a plan that leaves it is a skill that diverges
 SLOWEST = 1e-12  # [m/s]: a cap has to be positive, also where the hand is at its target
 
@@ -62,7 +59,7 @@ class Motion:
         """Return where the acting part ends, shape (3,); for instantaneous gates the nearest end."""
         acting = self.part
         if self._skill.reselects:
-            acting = int(WORKSPACE.distance(self._ends, position).argmin())
+            acting = int(np.linalg.norm(self._ends - position, axis=1).argmin())
         return np.asarray(self._ends[acting])
 
     def distance_to_goals(self, position: FloatArray) -> float:
@@ -120,7 +117,8 @@ def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: F
     arrived = False
     for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
         velocity = motion.velocity(position)
-        position = moved(WORKSPACE, position, velocity, CONTROL_PERIOD)
+        # The hand moves in the workspace, whatever the space of the skill is: this is no step of the skill.
+        position = position + CONTROL_PERIOD * velocity
         if not length(position) < WORKSPACE_RADIUS:
             break
         positions.append(position)

@@ -12,11 +12,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.geometry import arc_lengths, box
 from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
-from skillctl.simulation.episode import PHASES, Episode, way_along
+from skillctl.simulation.episode import PHASES, Episode
 from skillctl.simulation.scenario import Plane
 from skillctl.simulation.stage import Stage
 
@@ -93,11 +94,11 @@ def encode_overview(
     Raises:
         GoalNotReachedError: No episode could begin.
     """
-    shown = [(row, row.trace) for row in rows if row.trace is not None]
-    if not shown:
+    visible = [(row, row.trace) for row in rows if row.trace is not None]
+    if not visible:
         raise GoalNotReachedError("there is nothing to show: no episode could begin.")
     sheet = Image.new("RGB", (OVERVIEW[0] + 2 * GUTTER, HEADER + OVERVIEW[1] + LEGEND), PAPER)
-    sheet.paste(_all_of(shown, colour_by), (GUTTER, HEADER))
+    sheet.paste(_all_of(visible, colour_by), (GUTTER, HEADER))
     _draw_header(sheet, title, verdict, INK)
     _draw_legend(sheet, _legend(rows, colour_by, parts))
     return _png(sheet)
@@ -156,7 +157,7 @@ class Scenery(Stage):
 
 def _moments(episode: Episode) -> list[int]:
     """Return the rows to show: at equal parts of the way, as the end of a motion is slow."""
-    way = way_along(episode.series.hand)
+    way = arc_lengths(episode.series.hand)
     count = COLUMNS * ROWS
     inner = np.searchsorted(way, way[-1] * np.arange(1, count - 1) / (count - 1))
     return [0, *inner.tolist(), len(way) - 1]
@@ -196,24 +197,25 @@ def _length(metres: float) -> str:
     return f"{1e3 * metres:.1f} mm" if metres < 0.01 else f"{1e3 * metres:.0f} mm"
 
 
-def _all_of(shown: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
+def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
     """Return the world with all episodes in it."""
-    scene, first = shown[0][0].scenario.scene, shown[0][1]
+    scene, first = visible[0][0].scenario.scene, visible[0][1]
     with silenced(1), Stage(first.arm, first.base_yaw, scene) as stage:
         stage.show(first.joints, first.fingers)
-        for row, trace in shown:
+        for row, trace in visible:
             if row.scenario.cup is not None:
                 red, green, blue = 1 - PALENESS * (1 - np.array(_colour(row, trace, colour_by)) / 255)
                 stage.put(stage.add_cup(row.scenario.cup, (red, green, blue, 1.0)), trace.cup)
-        motion = np.vstack([np.vstack([trace.path, trace.target]) for _, trace in shown])
-        low, high = motion.min(axis=0) - NEIGHBOURHOOD, motion.max(axis=0) + NEIGHBOURHOOD
-        points = np.vstack([motion, np.clip(stage.corners, low, high), stage.arm_extent()])
+        motion = np.vstack([np.vstack([trace.path, trace.target]) for _, trace in visible])
+        low, high = box(motion)
+        near = np.clip(stage.corners, low - NEIGHBOURHOOD, high + NEIGHBOURHOOD)
+        points = np.vstack([motion, near, stage.arm_extent()])
         towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
         camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
         canvas = Canvas(stage, camera, OVERVIEW)
-    for row, trace in shown:
+    for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
-    for row, trace in shown:
+    for row, trace in visible:
         canvas.disc(trace.path[0], _colour(row, trace, colour_by), radius=3.0)
         if scene is None:
             canvas.ring(trace.target, TARGET, radius=7.0)

@@ -8,8 +8,9 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import box
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import Skill
+from skillctl.model.skill import Skill, contraction_period
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.scenario import Plane, Scenario
 from skillctl.simulation.scene import board_height, cup_middle
@@ -109,10 +110,11 @@ def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     spread = DENSITY_REACH * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     points = [density.means - spread, density.means + spread, skill.attractors]
     if scenario.start is not None:
-        preview = rollout(skill, [scenario.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
+        longest = contraction_period(skill)  # steps beyond it would lead away from the attractor
+        period = PREVIEW_PERIOD if longest == 0 or longest >= PREVIEW_PERIOD else 0.5 * longest
+        preview = rollout(skill, [scenario.start], duration=PREVIEW_DURATION, period=period)
         points.append(preview.positions[0])
-    stacked = np.vstack(points)
-    return stacked.min(axis=0), stacked.max(axis=0)
+    return box(np.vstack(points))
 
 
 def _centred(

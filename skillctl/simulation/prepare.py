@@ -136,15 +136,15 @@ def _start(placement: Placement, scenario: Scenario) -> FloatArray | None:
     return np.array([scenario.scene.x_range[0] - START_BEFORE, 0.0, lowest + START_ABOVE])
 
 
-def _required(name: str, point: FloatArray, found: Solution, scenario: Scenario) -> FloatArray:
-    if found.accepted:
-        return found.joints
-    x, y, z = point
+def _required(name: str, point: FloatArray, solution: Solution, scenario: Scenario) -> FloatArray:
+    if solution.accepted:
+        return solution.joints
+    (x, y, z), missed = point, 1e3 * solution.residual
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(
         "unreachable",
         f"unreachable: the {name} ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside the workspace of the "
-        f"{scenario.arm} arm; the closest posture found leaves the hand {1e3 * found.residual:.0f} mm away.",
+        f"{scenario.arm} arm; the closest posture found leaves the hand {missed:.0f} mm away.",
         hint=f"Choose another --{option}, or move the whole skill with --origin.",
     )
 

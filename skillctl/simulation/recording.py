@@ -39,17 +39,17 @@ def encode_log(episode: Episode, kind: LogFormat = "csv") -> bytes:
 
     An HDF5 log has one dataset a column, of the same name and content; phases are ASCII.
     """
-    found = _columns(episode)
-    return _csv(found) if kind == "csv" else _hdf5(found)
+    columns = _columns(episode)
+    return _csv(columns) if kind == "csv" else _hdf5(columns)
 
 
 def _columns(episode: Episode) -> dict[str, np.ndarray[Any, Any]]:
     """Return the columns, each of shape (T,), in their order."""
     series = episode.series
-    found: dict[str, np.ndarray[Any, Any]] = {"t": series.times}
+    columns: dict[str, np.ndarray[Any, Any]] = {"t": series.times}
 
     def add(names: list[str], values: np.ndarray[Any, Any]) -> None:
-        found.update(zip(names, values.T, strict=True))
+        columns.update(zip(names, values.T, strict=True))
 
     joints = range(1, series.joints.shape[1] + 1)
     add(["ref_x", "ref_y", "ref_z"], series.reference)
@@ -57,15 +57,15 @@ def _columns(episode: Episode) -> dict[str, np.ndarray[Any, Any]]:
     add([f"q{joint}" for joint in joints], series.joints)
     add([f"dq{joint}" for joint in joints], series.velocities)
     add([f"tau{joint}" for joint in joints], series.torques)
-    found["ik_residual"], found["part"] = series.residuals, series.parts
-    found["phase"] = np.array(PHASES, dtype="S")[series.phases]
+    columns["ik_residual"], columns["part"] = series.residuals, series.parts
+    columns["phase"] = np.array(PHASES, dtype="S")[series.phases]
     add(["target_x", "target_y", "target_z"], series.targets)
     add([f"finger{finger}" for finger in range(1, series.fingers.shape[1] + 1)], series.fingers)
     if episode.scenario.cup is not None:
         add(["cup_x", "cup_y", "cup_z", "cup_qx", "cup_qy", "cup_qz", "cup_qw"], series.cups)
     if episode.scenario.scene is not None:
-        found["contacts"], found["clearance"] = series.contacts, series.clearances
-    return found
+        columns["contacts"], columns["clearance"] = series.contacts, series.clearances
+    return columns
 
 
 def _csv(columns: dict[str, np.ndarray[Any, Any]]) -> bytes:

@@ -108,7 +108,7 @@ class _Run:
         self.motion = Motion(setup.skill, setup.placement, scenario, self.arm.period)
         self.seen_off = np.zeros(3)  # from the true target to the perceived one
         self._look()
-        self.judge = Judge.of(setup.plan, scenario, self.arm.period)
+        self.judge = Judge(setup.plan, scenario, self.arm.period)
         self.grasping = None
         if scenario.cup is not None:
             self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)

@@ -1,4 +1,4 @@
-"""What stands in front of the arm: the boxes of a shelf or table, the cup, and who touches what."""
+"""What stands in front of the arm: the boxes of a shelf or table, and the cup; and what touches what."""
 
 from __future__ import annotations
 

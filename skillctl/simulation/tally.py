@@ -1,4 +1,4 @@
-"""What many episodes say together: how often it worked, how sure that is, and why it did not."""
+"""What many episodes show together: how often they succeed, how sure that is, and why others fail."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ def failures(rows: Sequence[Row]) -> dict[BatchOutcome, int]:
 def medians(rows: Sequence[Row]) -> dict[str, float]:
     """Return the median of each figure over the episodes that have it; NaN if none has."""
     measured = [row.metrics for row in rows if row.metrics is not None]
-    found: dict[str, float] = {}
+    middles: dict[str, float] = {}
     for field in fields(Metrics):
         if field.name == "contacts":  # words
             continue
         values = np.array([getattr(metrics, field.name) for metrics in measured], dtype=np.float64)
         values = values[~np.isnan(values)]
-        found[field.name] = float(np.median(values)) if len(values) else math.nan
-    return found
+        middles[field.name] = float(np.median(values)) if len(values) else math.nan
+    return middles
 
 
 def encode_rows(rows: Sequence[Row]) -> bytes:

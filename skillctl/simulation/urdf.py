@@ -1,4 +1,4 @@
-"""Arms by path: a URDF file becomes an ``ArmModel``, after a process of its own has survived it."""
+"""Arms by path: a URDF file becomes an ``ArmModel``, once another process has read it without a crash."""
 
 from __future__ import annotations
 

@@ -151,11 +151,11 @@ def bounds_of(certificate: Certificate) -> Bounds:
     """Return what a figure shows of a certificate."""
     everywhere = certificate.scope == "global"
     local = certificate.scope == "local"
-    told = f"{certificate.verdict} (local proof)" if local else certificate.verdict
+    words = f"{certificate.verdict} (local proof)" if local else certificate.verdict
     if everywhere and certificate.rate is not None:
-        told = f"{told}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
+        words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
-        verdict=told,
+        verdict=words,
         rate=certificate.rate if everywhere else None,
         radii=tuple(part.radius for part in certificate.parts),
         witness=certificate.sampling.witness if certificate.sampling else None,
@@ -171,8 +171,8 @@ def _fit_figure(name: str, artifact: Artifact, left_out: Sequence[LeftOut]) -> D
     portrait = _portrait(name, artifact)
     goal = portrait.goals[0]
     held = [
-        motions_from(retargeted(each.skill, goal), shown.positions[:1], shown.duration)[0]
-        for each, shown in zip(left_out, portrait.demonstrations, strict=bool(left_out))
+        motions_from(retargeted(each.skill, goal), demonstration.positions[:1], demonstration.duration)[0]
+        for each, demonstration in zip(left_out, portrait.demonstrations, strict=bool(left_out))
     ]
     errors = [report.dtw for report in artifact.reports]
     return draw_fit(portrait, errors or [None] * len(portrait.demonstrations), held)

@@ -93,7 +93,7 @@ def simulate_many(
     lock: Lock | None = None,
     progress: Progress | None = None,
 ) -> SimulateManyReport:
-    """Run the episodes of a scenario; the same ones whoever does the work.
+    """Run the episodes of a scenario. The workers that run them do not change them.
 
     Args:
         reference: The skill.
@@ -121,8 +121,8 @@ def simulate_many(
     load_bullet()  # if it is missing, that is said before any process is started
     began = time.perf_counter()
     batch, starts = batch_of(source.skill, source.artifact.demonstrations, scenario)
-    said = None if progress is None else partial(_say, progress, began)
-    rows = run_batch(source.skill, batch, starts, workers=workers, progress=said)
+    report_of = None if progress is None else partial(_report_progress, progress, began)
+    rows = run_batch(source.skill, batch, starts, workers=workers, progress=report_of)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
     if table is not None:
         write_file(table, encode_rows(rows))
@@ -131,7 +131,7 @@ def simulate_many(
     return report
 
 
-def _say(progress: Progress, began: float, done: int, total: int, successes: int) -> None:
+def _report_progress(progress: Progress, began: float, done: int, total: int, successes: int) -> None:
     if not done:
         progress("starting", done, total)
         return

@@ -90,7 +90,7 @@ def motion(linear: object) -> Motion:
 @pytest.fixture
 def judge() -> Judge:
     plan = Plan(np.array([[0.3, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(3), True)
-    return Judge.of(plan, Scenario(settle_time=3 * CONTROL_PERIOD))
+    return Judge(plan, Scenario(settle_time=3 * CONTROL_PERIOD))
 
 
 NEAR, FAR = np.array([0.0, 0.0019, 0.0]), np.array([0.0, 0.0021, 0.0])
@@ -128,7 +128,7 @@ def test_a_target_that_jumps_may_be_farther_away(motion: Motion) -> None:
     plan = Plan(np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(3), True)
     scenario = Scenario(disturbances=(MoveTarget(time=1.0, offset=(0.0, 3.0, 4.0)),))
     limit = 1.5 * 0.3 + 0.05 + 5.0
-    assert Judge.of(plan, scenario).farthest == pytest.approx(limit, rel=4 * EPS)
+    assert Judge(plan, scenario).farthest == pytest.approx(limit, rel=4 * EPS)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

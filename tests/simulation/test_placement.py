@@ -97,3 +97,10 @@ def test_what_is_no_hand_position_is_refused(linear: object, space: Euclidean) -
 def test_a_plane_for_a_3d_skill_is_refused(reach: SedsSkill) -> None:
     with pytest.raises(UsageError, match="plane"):
         placed(reach, plane="xy")
+
+
+def test_a_fast_skill_needs_no_more_room_than_a_slow_one(linear: object) -> None:
+    """At 200 /s, Euler steps of the preview's usual period would grow threefold each."""
+    start = Scenario(start=(0.1, 0.05))
+    slow, fast = (placements(linear((0.0, 0.0), rate=rate), ARMS["panda"], start) for rate in (2.0, 200.0))  # type: ignore[operator]
+    assert [one.scale for one in fast] == [one.scale for one in slow]
