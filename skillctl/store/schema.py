@@ -375,6 +375,15 @@ def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:
         raise Refusal(f"provenance.parents: {parents} skills do not {command} into {parts} parts")
 
 
+def is_complete(operation: Operation) -> bool:
+    """Tell whether an operation's results are what its command records; files of format 1 may lack some."""
+    try:
+        _require_results(operation, FORMAT_VERSION)
+    except Refusal:
+        return False
+    return True
+
+
 def _require_results(operation: Operation, version: int) -> None:
     results = operation.results
     held_out = {name: value for name, value in results.items() if "held_out_" in name}

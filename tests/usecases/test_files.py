@@ -97,3 +97,23 @@ def test_a_skill_whose_records_do_not_fit_is_refused_and_made_again(
         assert "is not a valid skill artifact: /meta.json: operation." in refused.stderr
     assert run(*make).exit_code == 0  # a target that cannot be read is made again
     assert store.read_skill(tmp_path / "made.h5").digest == artifact.digest
+
+
+def test_a_merger_of_format_1_that_lacks_its_results_is_made_again(run, library, tmp_path):
+    """Python could leave them out then; the command cannot say what is there without them."""
+    make = ["merge", "curve", "hook", "--store", library, "-o", tmp_path / "made.h5"]
+    assert run(*make).exit_code == 0
+    artifact = store.read_skill(tmp_path / "made.h5")
+    arrays = arrays_of(artifact)
+    meta = json.loads(arrays[META].tobytes())
+    meta["operation"]["results"], meta["format"] = {}, 1
+    meta["skill"]["sharpness"] = 1.0
+    del meta["skill"]["parameters"]
+    arrays[META] = np.frombuffer(json.dumps(meta).encode(), np.uint8)
+    body = body_of(arrays, 1)
+    (tmp_path / "made.h5").write_bytes(seal(body, "merged", content_digest(arrays, 1), 1) + body)
+    assert store.read_skill(tmp_path / "made.h5").operation.results == {}
+    again = run(*make, "--json")
+    assert again.exit_code == 0
+    assert json.loads(again.stdout)["reasons"] == ["it does not say what came of it"]
+    assert store.read_skill(tmp_path / "made.h5").digest == artifact.digest
