@@ -19,7 +19,7 @@ from skillctl.store import (
     current_provenance,
     input_fingerprint,
 )
-from skillctl.store.schema import is_complete
+from skillctl.store.ties import is_complete
 from skillctl.usecases.destination import Destination, Written
 
 # The option that says, in one digest, which skills there were to choose from.
