@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from skillctl.adapt.refit import Refit, conflict_of, refit_parts
 from skillctl.arrays import FloatArray
@@ -17,8 +17,8 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least
 from skillctl.store import DemonstrationReport
 from skillctl.store.source import Source, carried_reports
+from skillctl.store.ties import LyapunovOrigin
 
-LyapunovOrigin: TypeAlias = Literal["shared", "found", "refitted"]
 Build: TypeAlias = Callable[[Sequence[Skill], FloatArray], Skill]
 
 SLOW_SHARE = 0.2  # a common P that proves less than this of the slowest part's rate is worth a refit

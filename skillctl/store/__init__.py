@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
     from skillctl.store.files import write_file
-    from skillctl.store.locating import locate, locate_store, resolve
+    from skillctl.store.locating import locate, locate_store
     from skillctl.store.lockfile import (
         Lock,
         LockedSkill,
@@ -58,7 +58,7 @@ _HOMES = {
     for module, names in {
         "artifact": "Artifact contents_of metadata_of",
         "files": "write_file",
-        "locating": "locate locate_store resolve",
+        "locating": "locate locate_store",
         "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock "
         "write_lock",
         "provenance": "current_provenance input_fingerprint input_record",

@@ -71,3 +71,9 @@ def write_aliases(backend: Backend, name: str, aliases: Mapping[str, int]) -> No
     """
     text = _HEADING + document_lines(dict(sorted(aliases.items())))
     backend.replace(name, REFS_FILE, text.encode("ascii"))
+
+
+def by_version(aliases: Mapping[str, int]) -> dict[int, tuple[str, ...]]:
+    """Return the aliases of each version that has any."""
+    versions = sorted(set(aliases.values()))
+    return {number: tuple(a for a, version in aliases.items() if version == number) for number in versions}

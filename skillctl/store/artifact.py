@@ -28,8 +28,8 @@ from skillctl.store.schema import (
     first_complaint,
     label,
     parse_meta,
-    require_ties,
 )
+from skillctl.store.ties import require_ties
 from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
 
 
@@ -144,7 +144,9 @@ def _load_meta(stored: Array, name: str, version: int) -> Meta:
     require_format(name, value.get("format"))
     if value["format"] != version:
         raise Refusal(f"/{META}: format: must be {version}, as its seal states")
-    return parse_meta(migrated(value, version), version)
+    meta = parse_meta(migrated(value, version))
+    require_ties(meta, version)
+    return meta
 
 
 def _refuse_reserved(meta: Meta, arrays: Mapping[str, Array]) -> None:

@@ -39,12 +39,7 @@ def locate(reference: str | Path, store: str | Path | None = None) -> Located:
 
     A ``Path`` is always a file.
     """
-    parsed = reference if isinstance(reference, Path) else parse_reference(reference)
+    parsed = parse_reference(reference)
     if isinstance(parsed, Path):
         return existing_file(parsed)
-    return Registry(locate_store(store)).locate(str(reference))
-
-
-def resolve(reference: str | Path, store: str | Path | None = None) -> Path:
-    """Return the file that a reference names; see ``locate``."""
-    return locate(reference, store).path
+    return Registry(locate_store(store)).located(parsed)

@@ -71,7 +71,7 @@ class Lock:
             NotFoundError: No such file, skill or version.
             NotLockedError: The lock does not name this version.
         """
-        parsed = reference if isinstance(reference, Path) else parse_reference(reference)
+        parsed = parse_reference(reference)
         if isinstance(parsed, Path):
             return existing_file(parsed)
         reference = str(reference)

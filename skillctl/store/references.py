@@ -56,14 +56,16 @@ def require_name(name: str) -> str:
     return name
 
 
-def parse_reference(text: str) -> Path | Reference:
+def parse_reference(text: str | Path) -> Path | Reference:
     """Return the file or the skill of the store that ``text`` names.
 
-    A text with a slash, or ending in ``.h5``, names a file.
+    A path, or a text with a slash or ending in ``.h5``, names a file.
 
     Raises:
         UsageError: It can be neither.
     """
+    if isinstance(text, Path):
+        return text
     if "\0" in text:
         raise UsageError("a reference to a skill must not contain NUL.", hint=EXAMPLES)
     if "/" in text or text.endswith(".h5"):

@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from skillctl.errors import NotFoundError, SkillctlError, StoreError, did_you_mean, printable
-from skillctl.store.aliases import read_aliases, require_alias, write_aliases
+from skillctl.store.aliases import by_version, read_aliases, require_alias, write_aliases
 from skillctl.store.backend import Backend
 from skillctl.store.files import missing_file, system_errors
 from skillctl.store.local import LocalBackend
@@ -96,11 +97,7 @@ class Registry:
         file = version_file(version)
         return parse_header(*self.backend.beginning(name, file, SEAL_BYTES), self._shown(name, file))
 
-    def resolve(self, reference: str) -> Path:
-        """Return the file that a reference names; see ``locate``."""
-        return self.locate(reference).path
-
-    def locate(self, reference: str) -> Located:
+    def locate(self, reference: str | Path) -> Located:
         """Return the file, name and version that a reference names.
 
         Raises:
@@ -108,10 +105,12 @@ class Registry:
             NotFoundError: No such file, skill or version.
         """
         parsed = parse_reference(reference)
-        if isinstance(parsed, Path):
-            return existing_file(parsed)
-        version = self.version_of(parsed)
-        return Located(self.path_of(parsed.name, version), parsed.name, version)
+        return existing_file(parsed) if isinstance(parsed, Path) else self.located(parsed)
+
+    def located(self, reference: Reference) -> Located:
+        """Return the file, name and version that a reference to a skill of this store names."""
+        version = self.version_of(reference)
+        return Located(self.path_of(reference.name, version), reference.name, version)
 
     def version_of(self, reference: Reference) -> int:
         """Return the version that a reference means.
@@ -124,12 +123,8 @@ class Registry:
         numbers = self.versions(name)
         if not numbers:
             raise self._unknown_name(name)
-        return select(
-            reference,
-            numbers,
-            lambda: self.aliases(name),
-            lambda number: self._stated_digest(name, number),
-        )
+        digest_of = partial(self._stated_digest, name)
+        return select(reference, numbers, partial(self.aliases, name), digest_of)
 
     def publish(self, name: str, data: bytes) -> StoredVersion:
         """Store an artifact as the next version of a skill, unless the newest version has its content.
@@ -199,6 +194,10 @@ class Registry:
             InvalidRefsError: The file that holds them cannot be understood.
         """
         return read_aliases(self.backend, require_name(name))
+
+    def words(self, name: str) -> dict[int, tuple[str, ...]]:
+        """Return the aliases of each version of a skill that has any; see ``aliases``."""
+        return by_version(self.aliases(name))
 
     def tag(self, name: str, version: int, alias: str) -> int | None:
         """Let an alias name a version, and return the one that it named before, if any.

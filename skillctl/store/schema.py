@@ -233,30 +233,6 @@ class Operation(Strict):
     note: Note | None = None
 
 
-class HeldOutResults(Strict):
-    """What ``learn --validate`` records in an operation's results; see ``skillctl.evaluate.errors``."""
-
-    held_out_demonstrations: Count
-    held_out_dtw: NotNegative | None
-    held_out_worst_dtw: NotNegative | None
-    held_out_arrived: Count
-
-
-class MergeResults(Strict):
-    """What every ``merge`` records besides other facts: where the common Lyapunov matrix is from."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    lyapunov: Literal["shared", "found", "refitted"]
-
-
-class CombineResults(MergeResults):
-    """What every ``combine`` records: what parts keep, and the Lyapunov matrix where one proof needs it."""
-
-    kept: tuple[NotNegative, ...]
-    lyapunov: Literal["shared", "found", "refitted"] | None = None  # type: ignore[assignment]
-
-
 class DemonstrationReport(Strict):
     """How well the skill repeats one demonstration; None where a figure was not computed.
 
@@ -341,55 +317,12 @@ def metadata_schema() -> dict[str, Any]:
     }
 
 
-def parse_meta(value: Any, version: int = FORMAT_VERSION) -> Meta:
-    """Return the checked metadata, or raise Refusal naming the first field that is wrong.
-
-    Args:
-        value: What meta.json holds, in the current form.
-        version: The format of the file; what only later ones demand is not demanded of it.
-    """
+def parse_meta(value: Any) -> Meta:
+    """Return the checked metadata, or raise Refusal naming the first field that is wrong."""
     try:
-        meta = Meta.model_validate(value, context=WITHOUT_TIDYING)
-        require_ties(meta, version)
+        return Meta.model_validate(value, context=WITHOUT_TIDYING)
     except ValidationError as error:
         raise Refusal(f"/meta.json: {first_complaint(error)}") from None
-    except Refusal as reason:
-        raise Refusal(f"/meta.json: {reason}") from None
-    return meta
-
-
-# The kinds of skill that a command can make; any can be saved from Python.
-_MADE = {"learn": ("seds",), "merge": ("merged",), "combine": ("combined",), "chain": ("chain",)}
-
-
-def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:
-    """Raise Refusal unless the skill, and the results, are such as the stated command leaves."""
-    command, skill = meta.operation.command, meta.skill
-    if skill.kind not in _MADE.get(command, (skill.kind,)):
-        raise Refusal(f"operation.command: {command} makes no {skill.kind} skill")
-    _require_results(meta.operation, version)
-    if version == 1 or isinstance(skill, SedsNode):
-        return
-    parts, parents = len(skill.parts), len(meta.provenance.parents)
-    if (command == "merge" and parents != parts) or (command == "combine" and not 1 <= parents <= parts):
-        raise Refusal(f"provenance.parents: {parents} skills do not {command} into {parts} parts")
-
-
-def _require_results(operation: Operation, version: int) -> None:
-    results = operation.results
-    held_out = {name: value for name, value in results.items() if "held_out_" in name}
-    try:
-        if operation.command == "learn" and held_out:
-            HeldOutResults.model_validate(held_out)
-        elif operation.command == "merge":
-            MergeResults.model_validate(results)
-        elif operation.command == "combine":
-            CombineResults.model_validate(results)
-    except ValidationError as error:
-        # Files of format 1 that were made in Python may lack what the command would have recorded.
-        if version == 1 and all(fault["type"] == "missing" for fault in error.errors()):
-            return
-        raise Refusal(f"operation.results.{first_complaint(error)}") from None
 
 
 def first_complaint(error: ValidationError) -> str:

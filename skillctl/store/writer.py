@@ -44,12 +44,12 @@ def encode(artifact: Artifact) -> bytes:
     return data
 
 
-def body_of(arrays: Mapping[str, Array]) -> bytes:
+def body_of(arrays: Mapping[str, Array], version: int = FORMAT_VERSION) -> bytes:
     """Return all of the file that holds ``arrays``, by path, but its seal."""
     file = BytesIO()
     # "earliest" is what every HDF5 tool in use reads; objects in one order, without times, give one result.
     with h5py.File(file, "w", userblock_size=SEAL_BYTES, libver="earliest") as body:
-        body.attrs.create("format", np.bytes_(mark_of(FORMAT_VERSION)))
+        body.attrs.create("format", np.bytes_(mark_of(version)))
         for path in sorted(arrays):
             body.create_dataset(path, data=arrays[path].astype(ARRAYS[path].dtype), track_times=False)
     return file.getvalue()[SEAL_BYTES:]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from skillctl.adapt.refit import Refit
-from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
+from skillctl.adapt.together import Together, prove_together
 from skillctl.compose.options import CombineOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
@@ -19,6 +19,7 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, Lock, Operation
 from skillctl.store.source import Source, carried_reports
+from skillctl.store.ties import LyapunovOrigin
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.make import Made, MakeReport, Request, make, require_stable
 from skillctl.usecases.parts import (

@@ -63,17 +63,10 @@ def log(name: str, *, limit: int | None = None, store: Path | None = None) -> Lo
     versions = registry.versions(name)
     if not versions:
         registry.locate(name)  # says what there is instead
-    aliases = registry.aliases(name)
+    words = registry.words(name)
     newest = list(reversed(versions))[:limit]
-    return LogReport(
-        name,
-        tuple(
-            _entry(
-                registry.path_of(name, number), number, tuple(a for a, v in aliases.items() if v == number)
-            )
-            for number in newest
-        ),
-    )
+    entries = (_entry(registry.path_of(name, number), number, words.get(number, ())) for number in newest)
+    return LogReport(name, tuple(entries))
 
 
 def _entry(path: Path, version: int, aliases: tuple[str, ...]) -> LogEntry:

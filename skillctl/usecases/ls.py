@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
-from skillctl.store import Registry, locate_store, read_header
+from skillctl.store import Registry, locate_store
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,28 +88,24 @@ def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: 
 
 def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
     numbers = registry.versions(name)
-    words: dict[int, list[str]] = {}
+    words: dict[int, tuple[str, ...]] = {}
     problem = None
     try:
-        for alias, version in registry.aliases(name).items():
-            words.setdefault(version, []).append(alias)
+        words = registry.words(name)
     except (ArtifactError, StoreError) as error:
         problem = str(error)
-    entries = tuple(
-        _entry(registry.path_of(name, number), number, tuple(words.get(number, ())), check)
-        for number in numbers
-    )
+    entries = tuple(_entry(registry, name, number, words.get(number, ()), check) for number in numbers)
     return StoredSkill(name, numbers, registry.path_of(name, numbers[-1]), entries, problem)
 
 
-def _entry(path: Path, version: int, aliases: tuple[str, ...], check: bool) -> VersionEntry:
+def _entry(registry: Registry, name: str, version: int, words: tuple[str, ...], check: bool) -> VersionEntry:
     try:
-        header = read_header(path)
+        header = registry.header(name, version)
         if check:
             from skillctl.store import read_skill  # late: a list reads first bytes only, without HDF5
 
-            read_skill(path)
+            read_skill(registry.path_of(name, version))
     except (ArtifactError, NotFoundError, StoreError) as error:
-        return VersionEntry(version, aliases, verified=False if check else None, problem=str(error))
+        return VersionEntry(version, words, verified=False if check else None, problem=str(error))
     verified = True if check else None
-    return VersionEntry(version, aliases, header.kind, header.digest, header.file_bytes, verified)
+    return VersionEntry(version, words, header.kind, header.digest, header.file_bytes, verified)

@@ -19,6 +19,7 @@ from skillctl.store import (
     current_provenance,
     input_fingerprint,
 )
+from skillctl.store.ties import is_complete
 from skillctl.usecases.destination import Destination, Written
 
 # The option that says, in one digest, which skills there were to choose from.
@@ -168,6 +169,8 @@ def reasons_to_make(
     """
     if current is None:
         return ("there is no readable skill yet",)
+    if not is_complete(current.operation):
+        return ("it does not say what came of it",)
     there = current.provenance
     found = [_sha256(path) for path in paths]
     reasons = []

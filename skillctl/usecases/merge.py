@@ -12,7 +12,7 @@ from skillctl.adapt.candidates import Candidates, candidates_from_store, require
 from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.refit import Refit
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
-from skillctl.adapt.together import LyapunovOrigin, Together, prove_together
+from skillctl.adapt.together import Together, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
@@ -23,6 +23,7 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
 from skillctl.store.source import Source
+from skillctl.store.ties import LyapunovOrigin
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.make import (
     CANDIDATES,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skillctl.errors import UsageError, printable
 from skillctl.store import Reference, Registry, locate_store, parse_reference
+from skillctl.store.aliases import by_version
 
 
 @dataclass(frozen=True)
@@ -190,13 +191,9 @@ def _remove(registry: Registry, doomed: dict[str, set[int]], dry_run: bool) -> R
         kept += len(registry.versions(name)) - len(numbers)
         if not numbers:
             continue
-        aliases = registry.aliases(name) if dry_run else registry.remove(name, numbers)
+        words = by_version(registry.aliases(name) if dry_run else registry.remove(name, numbers))
         removed += [
-            Removal(
-                f"{name}@{number}",
-                registry.path_of(name, number),
-                tuple(alias for alias, version in aliases.items() if version == number),
-            )
+            Removal(f"{name}@{number}", registry.path_of(name, number), words.get(number, ()))
             for number in sorted(numbers)
         ]
     return RemoveReport(registry.root, tuple(removed), kept, dry_run)

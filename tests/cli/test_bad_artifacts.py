@@ -46,10 +46,10 @@ def resealed(good: bytes, edit) -> bytes:
     data = file.getvalue()[512:]
     with suppress(AttributeError, KeyError, OSError):
         digest = digest_by_the_page(file)
-        lines = f"1 {len(data)} {hashlib.sha256(data).hexdigest()}\nseds {digest}\n".encode()
+        lines = f"2 {len(data)} {hashlib.sha256(data).hexdigest()}\nseds {digest}\n".encode()
         return (good[:10] + lines).ljust(512, b"\0") + data
     stated = good[:512].split(b"\n")[3]  # kind and digest; the magic has two line feeds
-    lines = f"1 {len(data)} {hashlib.sha256(data).hexdigest()}\n".encode() + stated + b"\n"
+    lines = f"2 {len(data)} {hashlib.sha256(data).hexdigest()}\n".encode() + stated + b"\n"
     return (good[:10] + lines).ljust(512, b"\0") + data
 
 

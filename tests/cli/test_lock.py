@@ -34,7 +34,7 @@ def registry(tmp_path, library, monkeypatch):
 
 def publish_another(registry, name="curve"):
     """Publish the newest version of a skill again, as other content."""
-    base = store.read_skill(registry.resolve(name))
+    base = store.read_skill(registry.locate(name).path)
     operation = base.operation.model_copy(update={"note": f"after {base.digest}"})
     return registry.publish(name, store.encode(replace(base, operation=operation)))
 

@@ -20,6 +20,7 @@ from skillctl.store import (
     references,
     schema,
     seal,
+    ties,
     tree,
 )
 
@@ -39,8 +40,8 @@ def test_every_limit_stands_in_the_table(length):
 
 
 MODELS = [
-    value for value in vars(schema).values()
-    if isinstance(value, type(BaseModel)) and value.__module__ == schema.__name__
+    value for module in (schema, ties) for value in vars(module).values()
+    if isinstance(value, type(BaseModel)) and value.__module__ == module.__name__
 ]  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def test_naming_and_listing_skills_needs_neither_hdf5_nor_pydantic(tmp_path):
     code = (
         "from pathlib import Path; from skillctl import store\n"
         f"r = store.Registry(Path({str(tmp_path)!r}))\n"
-        "assert r.names() == ('reach',) and r.versions('reach') == (1,); r.resolve('reach')\n"
+        "assert r.names() == ('reach',) and r.versions('reach') == (1,); r.locate('reach').path\n"
         "store.write_file, store.locate_store()"
     )
     assert not loaded(code) & {"h5py", "pydantic", "numpy", "scipy"}

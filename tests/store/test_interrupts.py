@@ -122,7 +122,7 @@ try:
 except StoreError as error:
     print(error, "|", error.hint)
 left = sorted(path.name for path in (registry.root / "reach").iterdir())
-print(left, store.read_skill(registry.resolve("reach")).digest == store.digest_of(first))
+print(left, store.read_skill(registry.locate("reach").path).digest == store.digest_of(first))
 """
 
 

@@ -30,8 +30,8 @@ def filled(tmp_path, versions):
 )
 def test_references_lead_to_versions(filled, reference, version):
     path = filled.root / "reach" / f"{version}.h5"
-    assert filled.resolve(reference) == path
-    assert store.resolve(reference, filled.root) == path
+    assert filled.locate(reference).path == path
+    assert store.locate(reference, filled.root).path == path
     assert store.locate(reference, filled.root) == store.Located(path, "reach", version)
 
 
@@ -45,7 +45,7 @@ def test_a_digest_beginning_that_fits_two_contents_is_refused(filled, monkeypatc
     fake = {n: f"sha256:{'a' * 10}{n}" for n in (1, 2, 3)}
     monkeypatch.setattr(store.Registry, "_stated_digest", lambda _, __, number: fake[number])
     with pytest.raises(UsageError, match="3 versions of reach have a content digest beginning") as caught:
-        filled.resolve("reach@sha256:aaaaaaaa")
+        filled.locate("reach@sha256:aaaaaaaa")
     assert fake[2] in caught.value.hint
 
 
@@ -74,13 +74,13 @@ def test_equal_content_is_not_ambiguous(filled, versions):
 )
 def test_what_is_not_there_is_not_found(filled, reference, cause, hint):
     with pytest.raises(NotFoundError, match=cause) as caught:
-        filled.resolve(reference)
+        filled.locate(reference)
     assert hint in caught.value.hint
 
 
 def test_a_store_that_does_not_exist_holds_nothing(tmp_path):
     with pytest.raises(NotFoundError, match="has no skill reach") as caught:
-        store.resolve("reach", tmp_path / "nowhere")
+        store.locate("reach", tmp_path / "nowhere")
     assert "skillctl learn" in caught.value.hint
 
 
@@ -88,7 +88,7 @@ def test_a_file_that_looks_like_a_name_is_pointed_out(filled, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     Path("skill").touch()
     with pytest.raises(NotFoundError) as caught:
-        filled.resolve("skill")
+        filled.locate("skill")
     assert caught.value.hint == "For the file of that name, write ./skill."
 
 

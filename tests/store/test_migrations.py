@@ -64,6 +64,13 @@ def test_results_that_python_left_out_may_be_missing_but_not_wrong(resealed, ref
     refuse(resealed("merged.h5", wrong), "operation.results.lyapunov")
 
 
+def test_held_out_errors_are_a_whole_in_format_1_too(resealed, refuse):
+    def some(meta):
+        meta["operation"]["results"] = {"held_out_dtw": 0.5}
+
+    refuse(resealed("seds.h5", some), "operation.results.held_out_demonstrations")
+
+
 def part_of(meta):
     return meta["skill"]["parts"][0]
 

@@ -117,7 +117,7 @@ def test_a_link_in_place_of_a_skills_directory_is_not_followed(registry, version
     with pytest.raises(errors.UnsafeStoreError, match="reach is a symbolic link"):
         registry.publish("reach", versions[1])
     with pytest.raises(errors.UnsafeStoreError):
-        registry.resolve("reach")
+        registry.locate("reach")
     assert registry.names() == ()
     assert list(target.iterdir()) == [target / "1.h5"]
 
@@ -128,7 +128,11 @@ def test_a_link_in_place_of_the_store_is_not_followed(tmp_path, versions, dangli
     if not dangling:
         target.mkdir()
     (root := tmp_path / "skills").symlink_to(target)
-    for act in (lambda r: r.publish("reach", versions[0]), lambda r: r.resolve("reach"), lambda r: r.names()):
+    for act in (
+        lambda r: r.publish("reach", versions[0]),
+        lambda r: r.locate("reach"),
+        lambda r: r.names(),
+    ):
         with pytest.raises(errors.UnsafeStoreError):
             act(store.Registry(root))
     assert not target.exists() or not list(target.iterdir())
@@ -145,7 +149,7 @@ def test_a_planted_version_link_is_passed_over(registry, versions, tmp_path, dan
     assert registry.publish("reach", versions[1]).version == 3
     assert target.exists() != dangling
     with pytest.raises(errors.NotAnArtifactError, match="a symbolic link"):
-        store.read_skill(registry.resolve("reach@2"))
+        store.read_skill(registry.locate("reach@2").path)
 
 
 def test_a_link_in_place_of_a_temporary_file_is_not_written_through(
@@ -210,7 +214,7 @@ def test_when_the_disk_refuses_old_versions_stay_whole_and_nothing_is_left(
             registry.publish("reach", versions[1])
     assert "nothing was changed" in caught.value.hint
     assert files_in(registry) == ["reach", "reach/1.h5"]
-    assert registry.resolve("reach").read_bytes() == versions[0]
+    assert registry.locate("reach").path.read_bytes() == versions[0]
     assert registry.publish("reach", versions[1]).version == 2
 
 

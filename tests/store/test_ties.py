@@ -73,7 +73,9 @@ def stating(wrap, skill, **stated):
     "results", [{}, {"lyapunov": None}, {"lyapunov": "guessed"}, {"lyapunov": ("found",)}]
 )
 def test_merge_records_where_the_lyapunov_matrix_is_from(wrap, merged, results):
-    with pytest.raises(InvalidModelError, match=r"this skill cannot be stored: operation\.results\.lyapunov"):
+    with pytest.raises(
+        InvalidModelError, match=r"cannot be stored: /meta\.json: operation\.results\.lyapunov"
+    ):
         store.encode(stating(wrap, merged, results=results))
 
 

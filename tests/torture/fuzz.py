@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import specimens
 from edits import INSIDE
-from judging import CRASH, FAILURES, FINE, HANG, SEAL, judge, sealed_again
+from judging import CRASH, FAILURES, FINE, HANG, SEAL, judge, sealed_again, stated
 from mutations import ANYWHERE, header
 
 HANG_SECONDS = 30.0  # of waiting; the machine may be busy
@@ -70,8 +70,7 @@ def spoiled(case: Case, rng: Random, goods: dict[str, bytes]) -> bytes:
         changed = good[:SEAL] + mutate(rng, good[SEAL:], bodies)
     else:
         changed = mutate(rng, good, others)
-    kind, digest = good[10:SEAL].split(b"\n")[1].decode("ascii").split(" ")
-    return sealed_again(changed, kind, digest)
+    return sealed_again(changed, *stated(good))
 
 
 # ---------------------------------------------------------------------------------------------------------

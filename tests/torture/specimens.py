@@ -78,6 +78,9 @@ def make(folder: Path) -> dict[str, bytes]:
     combined("combined instantaneous", [a, b], gate="instantaneous")
     combined("combined instantaneous aligned", [a, b], gate="instantaneous", align=True)
     combined("combined of merged", [nested, b], part_priors=(0.25, 0.75))
+    archive = Path(__file__).parents[1] / "archives" / "v1"
+    made["format 1 combined"] = archive / "combined-by-command.h5"
+    made["format 1 experts"] = archive / "merged.h5"
     return {what: path.read_bytes() for what, path in made.items()}
 
 
