@@ -51,7 +51,8 @@ def test_regions_hold_prior_attractor_and_share_of_own_starts(both, library):
     assert [region.prior for region in regions] == pytest.approx([2 / 3, 1 / 3])
     assert [region.demonstrations for region in regions] == [4, 4]
     skill = load(both)
-    assert [region.attractor for region in regions] == [tuple(row) for row in skill.part_attractors.tolist()]
+    ends = [tuple(part.attractors[0].tolist()) for part in skill.parts]
+    assert [region.attractor for region in regions] == ends
     assert all(0 <= region.selected <= 1 for region in regions)
     assert inspect("curve", store=library).regions == ()
 
