@@ -11,7 +11,7 @@ from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.rollout import arrival_distance_of, rollout
+from skillctl.model.rollout import ARRIVAL_DISTANCE, arrival_distance_of, rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import extent, retargeted
 from skillctl.model.space import Euclidean
