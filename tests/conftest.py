@@ -59,7 +59,7 @@ def shell(tmp_path: Path) -> Shell:
     def call(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
         settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 120, **options}
         command = [sys.executable, "-m", "skillctl", *map(str, arguments)]
-        return subprocess.run(command, check=False, **settings)  # type: ignore[call-overload,no-any-return]
+        return subprocess.run(command, check=False, **settings)  # type: ignore[call-overload]
 
     return call
 

@@ -32,7 +32,7 @@ def project(library, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("RUNNER_TEMP", str(tmp_path))
     monkeypatch.setenv("PRE_COMMIT_HOME", str(tmp_path / "pre-commit"))
-    skill = load("curve", store=library)
+    (skill,) = load("curve", store=library).leaves
     matrices = skill.system_matrices.copy()
     matrices[0] = np.eye(2)
     save(replace(skill, system_matrices=matrices), tmp_path / "unstable.h5")

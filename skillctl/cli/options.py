@@ -200,7 +200,7 @@ Jobs = Annotated[
 Backend = Annotated[
     BackendName,
     typer.Option(
-        help="processes: of this machine; dask: a cluster. (Needs: pip install 'skillctl[cluster]'.)",
+        help="processes: of this machine; dask: a cluster. (Needs: pip install '.[cluster]'.)",
         rich_help_panel=WORK,
     ),
 ]

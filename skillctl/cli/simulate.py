@@ -82,7 +82,7 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="F.gif|F.mp4",
-            help="Write a film, in real time. (.mp4 needs: pip install 'skillctl[video]'.)",
+            help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
             rich_help_panel=options.RESULT,
         ),
     ] = None,

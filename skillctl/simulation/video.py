@@ -115,6 +115,6 @@ def _load_av() -> Any:
     except ImportError as error:
         raise NotFoundError(
             "PyAV is not installed; only .mp4 videos need it.",
-            hint="pip install 'skillctl[video]', or write a .gif.",
+            hint="In your clone of skillctl: pip install '.[video]'; or write a .gif.",
         ) from error
     return av

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from skillctl.errors import ArtifactError, printable
 
-_UPGRADE = "Upgrade skillctl (`pip install --upgrade skillctl`)."
+_UPGRADE = "Upgrade skillctl."
 
 
 class Refusal(Exception):  # noqa: N818 - not an error of its own: the reader adds the file's name

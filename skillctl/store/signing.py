@@ -251,5 +251,5 @@ def _cryptography() -> _Cryptography:
     except ImportError as error:
         raise NotFoundError(
             "the package cryptography is not installed; only signatures need it.",
-            hint="pip install 'skillctl[sign]'",
+            hint="In your clone of skillctl: pip install '.[sign]'",
         ) from error

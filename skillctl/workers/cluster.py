@@ -138,7 +138,8 @@ def _connected(scheduler: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError as error:
         raise NotFoundError(
-            "Dask is not installed; only --backend dask needs it.", hint="pip install 'skillctl[cluster]'"
+            "Dask is not installed; only --backend dask needs it.",
+            hint="In your clone of skillctl: pip install '.[cluster]'",
         ) from error
     logger = logging.getLogger("distributed")
     level = logger.level

@@ -224,10 +224,10 @@ def main() -> None:
     )
     for pair in PAIRS:
         print(f"{pair[0]} and {pair[1]}, {HOW[pair[2]]}")
-        for name, row, joint in zip(pair, parents_survive(*pair), learned_together(*pair), strict=False):
+        for part, row, joint in zip(pair, parents_survive(*pair), learned_together(*pair), strict=False):
             alone, merged, starts, early = row
             ways = "".join(f"{way:8.2f}{way / alone - 1:+8.0%}" for way in (merged, joint))
-            print(f"{name:12}{alone:7.2f}{ways}{starts:8.0%}{early:8.0%}", flush=True)
+            print(f"{part:12}{alone:7.2f}{ways}{starts:8.0%}{early:8.0%}", flush=True)
 
 
 def summarise(name: str, rows) -> None:

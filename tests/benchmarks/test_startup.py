@@ -50,7 +50,7 @@ def test_starting_costs_little_more_than_what_is_needed(library, capsys):
     environment = {**surroundings, "SKILLCTL_STORE": str(library)}  # as a user has it
     lines = {name: [sys.executable, "-c", code] for name, code in PROGRAMS.items()}
     lines |= {name: [sys.executable, "-m", "skillctl", *words] for name, words in COMMANDS.items()}
-    measured = {name: [] for name in lines}
+    measured: dict[str, list[float]] = {name: [] for name in lines}
     for _ in range(REPEATS):
         for name, line in lines.items():
             measured[name].append(cpu_seconds(line, environment))

@@ -11,7 +11,7 @@ from skillctl.errors import UsageError
 from skillctl.evaluate.coverage import calibrated_priors, coverage
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.rollout import rollout
+from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps
@@ -171,7 +171,7 @@ def test_a_motion_that_ends_right_by_chance_is_not_kept(make_skill):
     _, second = coverage(combine(parts, gate="instantaneous"), [straight([1.0, 0.0]), straight([3.0, 0.0])])
     assert (second.selected, second.kept) == (0.0, 0.0)
     ends = rollout(combine(parts, gate="instantaneous"), [[6.0, 0.0]], duration=20.0, period=0.01)
-    assert np.linalg.norm(ends.positions[0, -1] - [3.0, 0.0]) < 1e-3
+    assert np.linalg.norm(ends.positions[0, -1] - [3.0, 0.0]) < ARRIVAL_DISTANCE
 
 
 def test_a_motion_that_does_not_arrive_in_time_is_not_kept(crossing):

@@ -9,6 +9,7 @@ import pytest
 
 from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.errors import UsageError
+from skillctl.model.rollout import ARRIVAL_DISTANCE
 from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load
 from skillctl.usecases.inspect import inspect
@@ -29,7 +30,7 @@ def test_a_combined_skill_says_which_part_acts_and_where_the_motion_ends(both, l
         place = inspect(both, position=start.tolist()).at
         assert (place.part, place.attractor, place.arrives) == (index + 1, index + 1, True)
         # The motion is followed to the arrival distance of a millimetre.
-        assert np.linalg.norm(np.array(place.end) - skill.attractors[index]) < 1e-3
+        assert np.linalg.norm(np.array(place.end) - skill.attractors[index]) < ARRIVAL_DISTANCE
         assert place.velocity == pytest.approx(skill.parts[index].velocity(start))
         assert sum(place.weights) == pytest.approx(1)
         assert int(np.argmax(place.weights)) == index
@@ -51,7 +52,8 @@ def test_regions_hold_prior_attractor_and_share_of_own_starts(both, library):
     assert [region.prior for region in regions] == pytest.approx([2 / 3, 1 / 3])
     assert [region.demonstrations for region in regions] == [4, 4]
     skill = load(both)
-    assert [region.attractor for region in regions] == [tuple(row) for row in skill.part_attractors.tolist()]
+    ends = [tuple(part.attractors[0].tolist()) for part in skill.parts]
+    assert [region.attractor for region in regions] == ends
     assert all(0 <= region.selected <= 1 for region in regions)
     assert inspect("curve", store=library).regions == ()
 

@@ -11,7 +11,7 @@ from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.rollout import arrival_distance_of, rollout
+from skillctl.model.rollout import ARRIVAL_DISTANCE, arrival_distance_of, rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import extent, retargeted
 from skillctl.model.space import Euclidean
@@ -130,7 +130,7 @@ def test_a_latched_rollout_ends_at_the_attractor_its_start_selects(two_ways):
     assert (result.parts == (starts[:, 0] > 0.5)).all()
     # Each trajectory moves on within 1 mm of its attractor until the last one arrives.
     ends = np.linalg.norm(result.positions[:, -1] - two_ways.attractors[result.parts], axis=1)
-    assert ends.max() < 1e-3
+    assert ends.max() < ARRIVAL_DISTANCE
 
 
 def test_a_latched_rollout_can_be_continued(two_ways):

@@ -58,7 +58,7 @@ def portrait(make_skill: Callable[..., Any]) -> Callable[..., Portrait]:
         name: str = "skill",
     ) -> Portrait:
         rng = np.random.default_rng(7)
-        space = Euclidean(Euclidean.cartesian(dimension).names, unit=unit)  # type: ignore[arg-type]
+        space = Euclidean(Euclidean.cartesian(dimension).names, unit=unit)
         goals = np.full(dimension, 0.02), np.full(dimension, 0.5 if kind == "combined" else 0.02)
         p = (
             np.eye(dimension)
@@ -71,7 +71,7 @@ def portrait(make_skill: Callable[..., Any]) -> Callable[..., Portrait]:
         halves = np.array([0.5, 0.5])
         skill = one
         if kind == "combined":
-            skill = CombinedSkill((one, other), halves, gate=gate)  # type: ignore[arg-type]
+            skill = CombinedSkill((one, other), halves, gate=gate)
         elif kind == "merged":
             skill = MergedSkill((one, other), halves)
         taught = [shown_to(leaf, reach=reach) if demonstrations else None for leaf in skill.leaves]

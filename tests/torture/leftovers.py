@@ -20,7 +20,7 @@ KNOWN = re.compile(r"[1-9][0-9]*\.(h5|h5\.sig|removed)|refs\.toml")
 @contextmanager
 def without_waiting() -> Iterator[None]:
     """Let this process not wait for the disk: it is never killed, and looks on only."""
-    sync, os.fsync = os.fsync, lambda _: None
+    sync, os.fsync = os.fsync, lambda fd: None
     try:
         yield
     finally:

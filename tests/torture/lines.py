@@ -24,10 +24,10 @@ from skillctl.errors import Terminated
 TRACED = ("registry.py", "publishing.py", "numbering.py", "aliases.py", "files.py", "signing.py")
 
 # What an operation prepares, and then does.
-Operation = Callable[[store.Registry, Tell], Callable[[], None]]
+Operation = Callable[[store.Registry, Tell], Callable[[], object]]
 
 
-def publish(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def publish(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     data = content("lines", 0)
     tell(f"publishing {store.digest_of(data)}")
 
@@ -39,40 +39,40 @@ def publish(registry: store.Registry, tell: Tell) -> Callable[[], None]:
     return act
 
 
-def publish_named(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def publish_named(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     without_unnamed_files()
     return publish(registry, tell)
 
 
-def publish_first(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def publish_first(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     """Publish into a store that is not there yet."""
     data = content("lines", 0)
     tell(f"publishing {store.digest_of(data)}")
-    return lambda: store.Registry(registry.root / "deeper" / "skills").publish("reach", data) and None
+    return lambda: store.Registry(registry.root / "deeper" / "skills").publish("reach", data)
 
 
-def tag(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def tag(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     tell("tagging release 3")
-    return lambda: registry.tag("reach", 3, "release") and None
+    return lambda: registry.tag("reach", 3, "release")
 
 
-def untag(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def untag(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     tell("tagging release 0")
-    return lambda: registry.untag("reach", "release") and None
+    return lambda: registry.untag("reach", "release")
 
 
-def remove_newest(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def remove_newest(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     tell("removing 3")
-    return lambda: registry.remove("reach", [3]) and None
+    return lambda: registry.remove("reach", [3])
 
 
-def remove_tagged(registry: store.Registry, tell: Tell) -> Callable[[], None]:
+def remove_tagged(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     tell("removing 2")
-    return lambda: registry.remove("reach", [2]) and None
+    return lambda: registry.remove("reach", [2])
 
 
-def sign(registry: store.Registry, _: Tell) -> Callable[[], None]:
-    return lambda: put_signature(registry, 1) and None
+def sign(registry: store.Registry, _: Tell) -> Callable[[], object]:
+    return lambda: put_signature(registry, 1)
 
 
 PUBLISHING: tuple[Operation, ...] = (publish, publish_named, publish_first)

@@ -31,14 +31,14 @@ def spans(rng: Random, data: bytearray) -> tuple[int, int, int]:
 
 def flip(rng: Random, data: bytes, _: list[bytes]) -> bytes:
     changed = bytearray(data)
-    for _ in range(rng.choice((1, 1, 1, 2, 8, 64))):
+    for _times in range(rng.choice((1, 1, 1, 2, 8, 64))):
         changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
     return bytes(changed)
 
 
 def overwrite(rng: Random, data: bytes, _: list[bytes]) -> bytes:
     changed = bytearray(data)
-    for _ in range(rng.randint(1, 4)):
+    for _times in range(rng.randint(1, 4)):
         size = min(rng.choice((1, 2, 4, 8)), len(changed))
         at = rng.randrange(len(changed) - size + 1)
         word = rng.choice((*WORDS, rng.randrange(len(data)), at, at + 8)) % (1 << 8 * size)
@@ -57,7 +57,7 @@ def extend(rng: Random, data: bytes, _: list[bytes]) -> bytes:
 
 def zero_block(rng: Random, data: bytes, _: list[bytes]) -> bytes:
     changed = bytearray(data)
-    at, _, n = spans(rng, changed)
+    at, _to, n = spans(rng, changed)
     changed[at : at + n] = bytes([rng.choice((0, 0, 0xFF))]) * n
     return bytes(changed)
 
@@ -114,7 +114,7 @@ def structure(rng: Random, data: bytes, _: list[bytes]) -> bytes:
     changed = bytearray(data)
     offsets = structure_offsets(data)
     used = [at for at in offsets if data[at]]
-    for _ in range(rng.choice((1, 1, 2, 4))):
+    for _times in range(rng.choice((1, 1, 2, 4))):
         at = rng.choice(rng.choice((used, used, offsets)))
         changed[at] = rng.choice((0, 1, 0xFF, changed[at] ^ (1 << rng.randrange(8)), rng.randrange(256)))
     return bytes(changed)

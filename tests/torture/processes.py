@@ -25,7 +25,7 @@ def content(writer: object, index: int) -> bytes:
 
 def without_unnamed_files() -> None:
     """Let this process publish as on a file system that has no files without names."""
-    publishing._open_unnamed = lambda _: None
+    publishing._open_unnamed = lambda directory: None
 
 
 def forked(work: Callable[[Tell], None]) -> tuple[int, int]:

@@ -8,10 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from skillctl import store
+from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.learning.options import LearnOptions
-from skillctl.usecases.combine import CombineOptions, combine
+from skillctl.usecases.combine import combine
 from skillctl.usecases.learn import learn
-from skillctl.usecases.merge import MergeOptions, merge
+from skillctl.usecases.merge import merge
 
 FAST = LearnOptions(preset="fast", metric="euclidean", n_components=3)
 

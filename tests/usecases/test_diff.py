@@ -21,7 +21,7 @@ def changed(tmp_path, library):
 
     def write(**fields):
         path = tmp_path / "changed.h5"
-        made = replace(original, skill=replace(original.skill, **fields))
+        made = replace(original, skill=replace(original.skill.leaves[0], **fields))
         store.write_file(path, store.encode(made))
         return path
 
@@ -74,7 +74,7 @@ def test_tolerances_decide_what_counts(library, changed):
 
 
 def test_another_attractor_is_told_by_its_distance(library, changed):
-    skill = load("curve", store=library)
+    (skill,) = load("curve", store=library).leaves
     report = diff("curve", changed(attractor=skill.attractor + np.array([0.03, 0.04])), store=library)
     assert report.differs
     assert report.behaviour.attractors == pytest.approx(0.05, rel=1e-12)
@@ -82,7 +82,7 @@ def test_another_attractor_is_told_by_its_distance(library, changed):
 
 
 def test_a_lost_proof_is_a_difference_whatever_the_tolerances(library, changed):
-    skill = load("curve", store=library)
+    (skill,) = load("curve", store=library).leaves
     matrices = skill.system_matrices.copy()
     matrices[0] = np.eye(2) * 1e-9
     report = diff("curve", changed(system_matrices=matrices), atol=1e9, rtol=1, store=library)
@@ -124,7 +124,7 @@ def test_metadata_names_what_differs_by_its_path(library):
 
 def test_skills_without_demonstrations_are_compared_on_the_grid(library, tmp_path):
     a = save(load("curve", store=library), tmp_path / "a.h5")
-    b = save(replace(load("curve", store=library), speed=9.0), tmp_path / "b.h5")
+    b = save(replace(load("curve", store=library).leaves[0], speed=9.0), tmp_path / "b.h5")
     assert not diff(a, a).differs
     report = diff(a, b)
     assert report.behaviour.demonstrations is None

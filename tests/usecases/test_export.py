@@ -30,7 +30,7 @@ def regression(priors, mu, sigma, x):
 
 @pytest.mark.parametrize("speed", [1.0, 1.5])
 def test_matlab_gets_the_mixture_whose_regression_is_the_skill(library, tmp_path, speed):
-    skill = replace(load("reach", store=library), speed=speed)
+    skill = replace(load("reach", store=library).leaves[0], speed=speed)
     report = export(save(skill, tmp_path / "a.h5"), tmp_path / "a.mat")
     assert report.variables == ("Priors", "Mu", "Sigma", "attractor")
     found = scipy.io.loadmat(tmp_path / "a.mat")

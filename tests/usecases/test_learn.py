@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from skillctl.demonstrations.options import Reading
 from skillctl.errors import FitError, StoreError, UsageError
+from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.stability.certificate import certify
 from skillctl.store import layout, metadata_of, read_skill, require_room_for_records
@@ -19,7 +21,7 @@ from skillctl.store.canonical import dump_canonical
 from skillctl.store.source import open_skill
 from skillctl.usecases import learn as module
 from skillctl.usecases.files import load
-from skillctl.usecases.learn import Reading, learn
+from skillctl.usecases.learn import learn
 from skillctl.usecases.verify_stability import verify
 
 FAST = LearnOptions(preset="fast", n_components=3)
@@ -36,7 +38,7 @@ def test_handwriting_is_learned_proved_and_repeated(lasa, tmp_path, name):
     skill = load(tmp_path / "a.h5")
     extent = open_skill(tmp_path / "a.h5").artifact.demonstrations[0].extent
     assert 0.03 < extent < 0.15  # metres, though the files hold millimetres
-    assert np.allclose(skill.attractor, 0)
+    assert np.allclose(skill.attractors, 0)
 
 
 def test_the_lpv_ds_layout_is_learned_too(reach_files, tmp_path):
@@ -150,7 +152,6 @@ def test_nothing_unproved_is_written(curve_files, tmp_path, monkeypatch):
         fitted = fit(demonstrations, options, **more)
         return replace(fitted, skill=replace(fitted.skill, system_matrices=-fitted.skill.system_matrices))
 
-    fit = module.fit
     monkeypatch.setattr(module, "fit", unstable)
     with pytest.raises(FitError, match="could not be proved stable, so nothing was written: part 1"):
         learn(curve_files, output=tmp_path / "a.h5", options=FAST)
@@ -167,7 +168,7 @@ def test_the_artifact_says_where_it_comes_from(curve_files, tmp_path):
     (taught,) = artifact.demonstrations
     assert len(taught) == 2
     for motion in taught:
-        assert np.array_equal(motion.positions[-1], artifact.skill.attractor)
+        assert np.array_equal(motion.positions[-1], artifact.skill.attractors[0])
 
 
 def test_the_proof_holds_for_what_is_stored_not_for_what_was_in_memory(curve_files, tmp_path):

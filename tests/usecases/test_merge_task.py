@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,7 +67,7 @@ def test_fitted_weights_are_never_worse_than_one_part_or_equal_weights(task_file
         assert errors.fitted <= per_part.task.errors.fitted
     made = load(tmp_path / "m.h5")
     task = read_demonstrations([task_files[0]]).demonstrations
-    again = task_distances(made, task, made.attractor)
+    again = task_distances(made, task, made.attractors[0])
     assert report.task.errors.fitted == pytest.approx(
         again.mean(), rel=1e-6
     )  # P was rounded on its way to disk
@@ -100,7 +101,8 @@ def test_what_fitting_found_and_what_it_read_are_recorded(task_files, tmp_path, 
     assert [parent.name for parent in artifact.provenance.parents] == [
         p.skill.split("@")[0] for p in report.parts
     ]
-    assert artifact.operation.results["errors"][2] == report.task.errors.fitted
+    errors: Any = artifact.operation.results["errors"]
+    assert errors[2] == report.task.errors.fitted
     assert artifact.operation.options["fit_level"] == "component"
     for number, leaf in enumerate(artifact.skill.leaves):
         taught = artifact.demonstrations[number]

@@ -17,7 +17,6 @@ import pytest
 
 from skillctl.errors import InputDataError, NotFoundError, StoreError, UsageError
 from skillctl.learning.options import LearnOptions
-from skillctl.usecases import learn_many as learn_many_module
 from skillctl.usecases.learn import learn
 from skillctl.usecases.learn_many import learn_many
 from skillctl.usecases.manifest import SkillEntry, read_manifest
@@ -100,7 +99,7 @@ def test_a_batch_writes_what_learn_writes_and_goes_on_after_bad_ones(project: Pa
         output="hook.h5",
         note="two of them",
         options=LearnOptions(preset="fast", n_components=2, metric="euclidean"),
-        reading=learn_many_module.read_manifest(Path("many.toml")).skills[2].reading,
+        reading=read_manifest(Path("many.toml")).skills[2].reading,
     )
     assert made(project) == batch
 
@@ -204,7 +203,7 @@ def test_without_dask_its_extra_is_named(run, library: Path, monkeypatch: pytest
         *("--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"),
     )
     assert result.exit_code == 4
-    assert "pip install 'skillctl[cluster]'" in result.stderr
+    assert "pip install '.[cluster]'" in result.stderr
 
 
 def test_a_scheduler_that_does_not_answer_is_not_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -361,4 +360,4 @@ def test_workers_that_contradict_themselves_are_refused() -> None:
         (None, "processes", "tcp://a:1"),
     ):
         with pytest.raises(UsageError):
-            Workers.chosen(jobs, backend, scheduler)  # type: ignore[arg-type]
+            Workers.chosen(jobs, backend, scheduler)

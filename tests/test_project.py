@@ -1,0 +1,45 @@
+"""What the files around the code say of the project agrees with the code, and with each other."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import skillctl
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_the_citation_names_the_newest_release_of_the_changelog() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    first, second, *_ = re.findall(r"^## (.*)$", changelog, re.MULTILINE)
+    assert first == "Unreleased"
+    assert second == f"{citation['version']} - {citation['date-released']}"
+    assert citation["version"] == skillctl.__version__
+    assert citation["license"] == "MIT"
+
+
+def test_contributors_hooks_and_forms_are_valid() -> None:
+    pytest.importorskip("pre_commit")
+    command = [sys.executable, "-m", "pre_commit", "validate-config", str(ROOT / ".pre-commit-config.yaml")]
+    assert subprocess.run(command, check=False).returncode == 0
+    for form in (ROOT / ".github" / "ISSUE_TEMPLATE").glob("[!c]*.yml"):
+        document = yaml.safe_load(form.read_text(encoding="utf-8"))
+        assert {"name", "description", "body"} <= set(document)
+        assert all({"type", "attributes"} <= set(field) for field in document["body"])
+
+
+def test_nobody_is_sent_to_the_package_index_for_skillctl() -> None:
+    # Another project has that name there.
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout: nothing says which files belong")
+    pattern = r"pip install( -[-a-z]+)* '?skillctl"
+    command = ["git", "grep", "-nE", pattern, "--", ".", ":!tests/test_project.py"]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout) == (1, "")
