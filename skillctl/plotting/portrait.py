@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.geometry import box
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
@@ -126,7 +127,7 @@ def joint_box(portraits: Sequence[Portrait]) -> tuple[FloatArray, FloatArray]:
 
 def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a box around points (n, d), with a margin, no side much shorter than others."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = box(points)
     longest = float((high - low).max()) or 1.0
     half = 0.5 * np.maximum(high - low, SLIMMEST * longest) + MARGIN * longest
     middle = 0.5 * (low + high)
@@ -135,7 +136,7 @@ def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
     """Return those positions that are not lost sight of."""
-    low, high = inner.min(axis=0), inner.max(axis=0)
+    low, high = box(inner)
     reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
     near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
     return np.asarray(positions[near])

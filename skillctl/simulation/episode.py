@@ -14,6 +14,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.geometry import arc_lengths, path_length
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL, HandPolicy
 from skillctl.simulation.motion import Plan
@@ -204,7 +205,7 @@ def measure(
     distances = np.linalg.norm(hand - series.targets[by_skill], axis=1)
     margins = np.minimum(series.joints - model.lower, model.upper - series.joints)
     planned = thinned(plan.positions, SPACING)
-    planned_length = path_length(plan.positions)
+    planned_length = float(path_length(plan.positions))
     cup = series.cups[:, :3]
     open_hand = series.phases == PHASES.index("approach")
     aside = (cup - series.targets)[open_hand]  # moves of the target are not the hand's doing
@@ -216,7 +217,7 @@ def measure(
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
         tracking_p95=float(np.percentile(tracking, 95)),
         plan_deviation=float(distances_to_path(thinned(hand, SPACING), planned).max()),
-        path_ratio=path_length(hand) / planned_length if planned_length > tolerance else np.nan,
+        path_ratio=float(path_length(hand)) / planned_length if planned_length > tolerance else np.nan,
         clearance=_smallest(series.clearances),
         joint_margin=float(margins.min()),
         velocity_ratio=float((np.abs(series.velocities) / model.max_velocity).max()),
@@ -243,19 +244,9 @@ def _arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> floa
     return float(times[first]) if first < len(distances) else np.nan
 
 
-def path_length(points: FloatArray) -> float:
-    """Return the length of the polyline through points (n, 3), [m]."""
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-
-def way_along(points: FloatArray) -> FloatArray:
-    """Return how long the way to each of the points (n, d) is. Shape (n,)."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-
-
 def spread_out(points: FloatArray, spacing: float) -> IntArray:
     """Return which of the points (n, d) lie about ``spacing`` apart along their path, both ends included."""
-    way = way_along(points)
+    way = arc_lengths(points)
     wanted = np.searchsorted(way, np.arange(0.0, way[-1], spacing))
     return np.unique([0, *wanted.tolist(), len(points) - 1])
 

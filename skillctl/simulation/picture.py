@@ -12,11 +12,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.geometry import arc_lengths
 from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
-from skillctl.simulation.episode import PHASES, Episode, way_along
+from skillctl.simulation.episode import PHASES, Episode
 from skillctl.simulation.scenario import Plane
 from skillctl.simulation.stage import Stage
 
@@ -156,7 +157,7 @@ class Scenery(Stage):
 
 def _moments(episode: Episode) -> list[int]:
     """Return the rows to show: at equal parts of the way, as the end of a motion is slow."""
-    way = way_along(episode.series.hand)
+    way = arc_lengths(episode.series.hand)
     count = COLUMNS * ROWS
     inner = np.searchsorted(way, way[-1] * np.arange(1, count - 1) / (count - 1))
     return [0, *inner.tolist(), len(way) - 1]

@@ -8,6 +8,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import box
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
 from skillctl.simulation.arms import ArmModel
@@ -111,8 +112,7 @@ def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     if scenario.start is not None:
         preview = rollout(skill, [scenario.start], duration=PREVIEW_DURATION, period=PREVIEW_PERIOD)
         points.append(preview.positions[0])
-    stacked = np.vstack(points)
-    return stacked.min(axis=0), stacked.max(axis=0)
+    return box(np.vstack(points))
 
 
 def _centred(

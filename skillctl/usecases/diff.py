@@ -11,6 +11,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import box
 from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
@@ -292,7 +293,7 @@ def _means_of(skill: Skill) -> FloatArray:
 def _grid(points: FloatArray) -> FloatArray:
     """Return points that fill the box around ``points`` (n, d), evenly."""
     d = points.shape[1]
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = box(points)
     margin = MARGIN * (high - low).max()
     each = int(GRID_POINTS ** (1 / d) + 1e-9)  # 1000^(1/3) is 9.999…
     if each < 3:  # too many dimensions for a grid: the same random points every time

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skillctl.geometry import path_length
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.episode import TimeSeries, distances_to_path, measure, path_length, thinned
+from skillctl.simulation.episode import TimeSeries, distances_to_path, measure, thinned
 from skillctl.simulation.motion import Plan
 
 IIWA = ARMS["iiwa"]
