@@ -34,7 +34,7 @@ def test_resampled_points_are_equally_far_apart_along_the_path() -> None:
 def test_a_box_and_its_diagonal() -> None:
     low, high = geometry.box(PATHS[0])
     assert (low.tolist(), high.tolist()) == ([0, 0], [15, 4])
-    assert geometry.extent(np.array([[1.0, 2, 2], [0, 0, 0], [0.5, 1, 2]])) == 3
+    assert geometry.extent(np.array([[6.0, 2, 2], [5, 0, 0], [5.5, 1, 2]])) == 3
 
 
 @pytest.mark.parametrize("d", [1, 2, 5])

@@ -10,6 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
 from skillctl.errors import InputDataError
+from skillctl.geometry import segment_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 LARGEST = 1e9  # no position lies further out, in any unit; sums of squares cannot overflow
@@ -170,7 +171,7 @@ def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
     estimated = 0.0
     if dt is None and recording.velocities is not None:
         speeds = np.linalg.norm(recording.velocities, axis=1)
-        steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=1)
+        steps = segment_lengths(recording.positions)
         middle = 0.5 * (speeds[1:] + speeds[:-1])
         moving = (middle > 0) & (steps > 0)
         if moving.any():  # the median: a few lost samples make a few long steps
@@ -235,7 +236,7 @@ def _spikes(positions: FloatArray) -> tuple[IntArray, FloatArray]:
     A jump is long beside the median of the steps that move at all. Where a motion is fast after a long slow
     phase its steps are long, too, but they are not taken back.
     """
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    steps = segment_lengths(positions)
     moving = steps[steps > 0]
     jumps = np.flatnonzero(steps > SPIKE * np.median(moving)) if moving.size else np.zeros(0, dtype=np.int64)
     out, back = jumps[:-1], jumps[1:]

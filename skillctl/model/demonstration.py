@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray, Frozen, frozen_array
 from skillctl.errors import InputDataError, InvalidModelError
+from skillctl.geometry import extent
 from skillctl.model.space import Space
 
 
@@ -115,7 +116,7 @@ class DemonstrationSet(Frozen):
     def extent(self) -> float:
         """Length of the diagonal of the box around all positions, in the unit of the space."""
         stacked = np.vstack([demonstration.positions for demonstration in self.demonstrations])
-        return float(np.linalg.norm(np.ptp(stacked, axis=0)))
+        return extent(stacked)
 
     def translated(self, offset: FloatArray) -> DemonstrationSet:
         """Return the same motions, moved by ``offset`` (d,)."""

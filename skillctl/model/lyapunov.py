@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray, Frozen, frozen_array, require_spd
+from skillctl.geometry import squared_norms
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,7 +36,7 @@ class QuadraticForm(Frozen):
 
     def value(self, offsets: FloatArray) -> FloatArray:
         """Return V for offsets (n, d). Shape (n,)."""
-        return np.asarray(np.einsum("ni,ij,nj->n", offsets, self.matrix, offsets))
+        return squared_norms(offsets, self.matrix)
 
     def distance(self, offsets: FloatArray) -> FloatArray:
         """Return the P-norm √V of offsets (n, d). Shape (n,)."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray, IntArray
+from skillctl.geometry import box
 from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.skill import Skill
 from skillctl.stability.report import PartCertificate, Sampling
@@ -74,8 +75,7 @@ def _starts(skill: Skill, seed: int) -> FloatArray:
     density = skill.density
     reach = DEVIATIONS * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     corners = np.vstack([density.means - reach, density.means + reach, skill.attractors])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    return np.asarray(np.random.default_rng(seed).uniform(low, high, (STARTS, skill.dimension)))
+    return np.asarray(np.random.default_rng(seed).uniform(*box(corners), (STARTS, skill.dimension)))
 
 
 def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:

@@ -46,6 +46,23 @@ def test_the_limit_is_lifted_after_an_error() -> None:
     assert limits() == {2}
 
 
+def test_the_limit_is_lifted_whatever_another_thread_limited_meanwhile() -> None:
+    limited, leave = threading.Event(), threading.Event()
+
+    def interfere() -> None:
+        with threadpool_limits(1, user_api="blas"):
+            limited.set()
+            assert leave.wait(timeout=30)
+
+    with ThreadPoolExecutor(1) as pool:
+        with one_blas_thread():
+            other = pool.submit(interfere)
+            assert limited.wait(timeout=30)
+        assert limits() == {2}
+        leave.set()
+        other.result(timeout=30)
+
+
 @pytest.mark.parametrize("first_to_leave", [0, 1])
 def test_holders_in_two_threads_share_the_limit(first_to_leave: int) -> None:
     inside = threading.Barrier(3, timeout=30)

@@ -175,6 +175,15 @@ def test_components_can_be_selected(curved: Curved, count: int) -> None:
     assert 1 <= result.skill.n_components <= 10
 
 
+@pytest.mark.parametrize(("name", "metrics"), [("Angle", 1), ("GShape", 2)])
+def test_only_a_motion_that_contradicts_its_metric_is_learned_with_a_stretched_one_too(
+    lasa: Callable[[str], DemonstrationSet], name: str, metrics: int
+) -> None:
+    seen: list[Progress] = []
+    fit(lasa(name), FAST, progress=seen.append)
+    assert [(p.stage, p.done) for p in seen].count(("mixtures", 1)) == metrics
+
+
 def test_progress_is_told_and_ends(curved: Curved) -> None:
     seen: list[Progress] = []
     fit(curved(), FAST, progress=seen.append)

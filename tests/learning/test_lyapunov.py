@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from skillctl.learning import lyapunov as lyapunov_module
 from skillctl.learning.lyapunov import (
     deviation_bound,
     falling_fit,
@@ -13,6 +14,7 @@ from skillctl.learning.lyapunov import (
     rising_share,
     stretched,
 )
+from skillctl.learning.outcome import Result
 from skillctl.learning.preprocess import align, training_data
 from skillctl.model.demonstration import DemonstrationSet
 
@@ -87,6 +89,24 @@ def test_a_stretched_motion_is_seen_through() -> None:
     assert rise(learned, path).mean() < 0.002
     assert np.trace(learned) == pytest.approx(2.0)
     assert np.linalg.eigvalsh(learned).min() > 0
+
+
+def test_the_start_that_forces_least_gives_the_metric(monkeypatch: pytest.MonkeyPatch) -> None:
+    # One evaluation a start leaves each where it is: P must be the one under which the path rises least.
+    t = np.linspace(0, 6, 100)[:, None]
+    path = (np.exp(-0.4 * t) * np.hstack([3 * np.cos(t), np.sin(t)]))[None] / 2
+    monkeypatch.setattr(lyapunov_module, "EVALUATIONS", 1)
+    metric, outcome = learn_lyapunov([path])
+    assert (outcome.stage, outcome.result, outcome.steps) == ("metric", Result.OUT_OF_STEPS, 1)
+    across, longer = np.exp(-0.5), np.exp(0.5)  # of diag(1, 0), the part without trace is diag(½, −½)
+    expected = 2 * np.diag([across, longer]) / (across + longer)
+    np.testing.assert_allclose(metric, expected, rtol=1e-12)
+
+
+def test_a_path_that_contradicts_no_metric_has_a_round_one_at_once() -> None:
+    metric, outcome = learn_lyapunov([np.linspace(1, 0, 20)[:, None] * np.array([[0.6, 0.8]])[None]])
+    np.testing.assert_allclose(metric, np.eye(2), atol=1e-12)
+    assert (outcome.result, outcome.steps) == (Result.CONVERGED, 1)
 
 
 def test_a_stretched_metric_keeps_axes_and_trace_and_doubles_the_condition() -> None:
