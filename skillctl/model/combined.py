@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
@@ -15,15 +15,14 @@ from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.gated import StackedDensities
 from skillctl.model.gates import combine_gate
 from skillctl.model.mixture import GaussianMixture, softmax
-from skillctl.model.skill import ActingSkill, Kind, Skill, joined_density, require_parts
-from skillctl.model.space import Space
+from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
 
 if TYPE_CHECKING:
-    from skillctl.model.seds import SedsSkill
+    pass
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CombinedSkill(Frozen, Skill):
+class CombinedSkill(Frozen, Composite):
     """Several skills of which one alone acts at any time (Section 3.2).
 
     Part i = argmax_j (log βⱼ + log pⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
@@ -65,16 +64,6 @@ class CombinedSkill(Frozen, Skill):
     def shares(self) -> FloatArray:
         """The part priors."""
         return self.part_priors
-
-    @property
-    def space(self) -> Space:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The learned skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
 
     @property
     def acting_parts(self) -> tuple[ActingSkill, ...]:
@@ -143,11 +132,3 @@ class CombinedSkill(Frozen, Skill):
             mask = chosen == index
             velocities[mask] = self.speed * self.parts[index].velocity(states[mask])
         return velocities
-
-    def translated(self, offset: FloatArray) -> CombinedSkill:
-        """Return the same motion, moved by ``offset`` (d,): all attractors move together."""
-        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))
-
-    def with_leaves(self, change: Callable[[SedsSkill], SedsSkill]) -> CombinedSkill:
-        """Return the same combination of changed leaves."""
-        return replace(self, parts=tuple(part.with_leaves(change) for part in self.parts))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -18,15 +18,14 @@ from skillctl.model.gated import StackedDensities, StackedGates
 from skillctl.model.gates import Weighting, gate_parameters, merge_gate
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.mixture import BLOCK, GaussianMixture, softmax
-from skillctl.model.skill import ActingSkill, Kind, joined_density, require_parts
-from skillctl.model.space import Space
+from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
 
 if TYPE_CHECKING:
-    from skillctl.model.seds import SedsSkill
+    pass
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class MergedSkill(Frozen, ActingSkill):
+class MergedSkill(Frozen, Composite, ActingSkill):
     """Several skills acting together on one attractor, with one common Lyapunov matrix.
 
     ξ̇ = α Σᵢ Σₖ h̃ₖⁱ(ξ) Aₖⁱ (ξ − ξ*), where h̃ ≥ 0 sums to one over all components:
@@ -89,16 +88,6 @@ class MergedSkill(Frozen, ActingSkill):
     def shares(self) -> FloatArray:
         """The part weights."""
         return self.part_weights
-
-    @property
-    def space(self) -> Space:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The learned skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
 
     @property
     def attractor(self) -> FloatArray:
@@ -166,11 +155,3 @@ class MergedSkill(Frozen, ActingSkill):
     def accelerated(self, factor: float) -> MergedSkill:
         """Return the same motion, faster by a positive factor."""
         return self if factor == 1 else replace(self, speed=self.speed * factor)
-
-    def translated(self, offset: FloatArray) -> MergedSkill:
-        """Return the same motion, moved by ``offset`` (d,)."""
-        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))
-
-    def with_leaves(self, change: Callable[[SedsSkill], SedsSkill]) -> MergedSkill:
-        """Return the same merger of changed leaves."""
-        return replace(self, parts=tuple(part.with_leaves(change) for part in self.parts))

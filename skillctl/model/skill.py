@@ -133,6 +133,30 @@ class Skill(ABC):
         """Return the same tree with every leaf changed, from left to right."""
 
 
+class Composite(Skill):
+    """A skill made of parts: what it takes over from them."""
+
+    __slots__ = ()
+
+    @property
+    def space(self) -> Space:
+        """Names, unit and frame of the state."""
+        return self.parts[0].space
+
+    @property
+    def leaves(self) -> tuple[SedsSkill, ...]:
+        """The learned skills this one is made of, from left to right."""
+        return tuple(leaf for part in self.parts for leaf in part.leaves)
+
+    def translated(self: AnySkill, offset: FloatArray) -> AnySkill:
+        """Return the same motion, moved by ``offset`` (d,): all attractors move together."""
+        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))  # type: ignore[type-var]
+
+    def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
+        """Return the same tree of changed leaves."""
+        return replace(self, parts=tuple(part.with_leaves(change) for part in self.parts))  # type: ignore[type-var]
+
+
 AnyActing = TypeVar("AnyActing", bound="ActingSkill")
 
 
