@@ -115,6 +115,17 @@ def flocked(directory: int, *, shared: bool = False) -> Iterator[None]:
 
 
 @contextmanager
+def locked_directory(path: Path) -> Iterator[None]:
+    """Hold the exclusive lock of any directory, which may be behind a link."""
+    directory = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with flocked(directory):
+            yield
+    finally:
+        os.close(directory)
+
+
+@contextmanager
 def _descriptor(path: str | Path, within: int | None = None) -> Iterator[int]:
     descriptor = os.open(path, _OPEN_DIRECTORY, dir_fd=within)
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -48,11 +48,18 @@ class StoredVersion:
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """Where a reference leads: a file, and its name and version if it is one of the store."""
+    """Where a reference leads.
+
+    Attributes:
+        path: A file.
+        name, version: If it is one of a store.
+        backend: What keeps that store; None for a file that lies anywhere.
+    """
 
     path: Path
     name: str | None = None
     version: int | None = None
+    backend: Backend | None = field(default=None, repr=False, compare=False)
 
 
 class Registry:
@@ -110,7 +117,7 @@ class Registry:
     def located(self, reference: Reference) -> Located:
         """Return the file, name and version that a reference to a skill of this store names."""
         version = self.version_of(reference)
-        return Located(self.path_of(reference.name, version), reference.name, version)
+        return Located(self.path_of(reference.name, version), reference.name, version, self.backend)
 
     def version_of(self, reference: Reference) -> int:
         """Return the version that a reference means.

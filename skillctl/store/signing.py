@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from skillctl.errors import InputDataError, NotFoundError, printable
 from skillctl.store.errors import InvalidSignaturesError, NotAnArtifactError
 from skillctl.store.files import missing_file, read_once, system_errors, write_file
-from skillctl.store.local import flocked
+from skillctl.store.local import locked_directory
 from skillctl.store.numbering import SIGNATURE_SUFFIX
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+    from skillctl.store.registry import Located
 
 SignatureState: TypeAlias = Literal["valid", "invalid", "other content", "other key", "unsigned"]
 
@@ -89,16 +91,16 @@ def signatures_path(artifact: Path) -> Path:
     return artifact.with_name(artifact.name + SIGNATURE_SUFFIX)
 
 
-def read_signatures(artifact: Path) -> tuple[Signature, ...]:
+def read_signatures(located: Located) -> tuple[Signature, ...]:
     """Return the signatures beside an artifact; none without the file. None of them is verified.
 
     Raises:
         InvalidSignaturesError: The file holds something else.
         StoreError: The system does not let us read it.
     """
-    path = signatures_path(artifact)
+    path = signatures_path(located.path)
     try:
-        lines = read_once(path, MAX_BYTES).decode("ascii").splitlines()
+        lines = _read(located, path).decode("ascii").splitlines()
     except NotFoundError:
         return ()
     except NotAnArtifactError as error:
@@ -117,7 +119,7 @@ def read_signatures(artifact: Path) -> tuple[Signature, ...]:
     return tuple(found)
 
 
-def add_signature(artifact: Path, signature: Signature) -> bool:
+def add_signature(located: Located, signature: Signature) -> bool:
     """Put a signature beside an artifact; return False if it was there.
 
     Signatures of the same content by others stay, those of what the file held before go.
@@ -126,18 +128,32 @@ def add_signature(artifact: Path, signature: Signature) -> bool:
         InvalidSignaturesError: What is there holds something else; it is left as it is.
         StoreError: No permission, no space.
     """
-    with system_errors(f"sign {artifact}"):
-        directory = os.open(artifact.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            with flocked(directory):  # two signers at once must not lose one
-                there = read_signatures(artifact)
-                if signature in there:
-                    return False
-                kept = [s for s in there if s.digest == signature.digest and s.key != signature.key]
-                write_file(signatures_path(artifact), _text([*kept, signature]).encode("ascii"))
-        finally:
-            os.close(directory)
+    with system_errors(f"sign {located.path}"), _locked(located):  # two signers must not lose one
+        there = read_signatures(located)
+        if signature in there:
+            return False
+        kept = [s for s in there if s.digest == signature.digest and s.key != signature.key]
+        _write(located, signatures_path(located.path), _text([*kept, signature]).encode("ascii"))
     return True
+
+
+def _read(located: Located, path: Path) -> bytes:
+    if located.backend is None or located.name is None:
+        return read_once(path, MAX_BYTES)
+    return located.backend.read(located.name, path.name, MAX_BYTES)
+
+
+def _write(located: Located, path: Path, data: bytes) -> None:
+    if located.backend is None or located.name is None:
+        write_file(path, data)
+    else:
+        located.backend.replace(located.name, path.name, data)
+
+
+def _locked(located: Located) -> AbstractContextManager[None]:
+    if located.backend is None or located.name is None:
+        return locked_directory(located.path.parent)
+    return located.backend.locked(located.name)
 
 
 def _text(signatures: Iterable[Signature]) -> str:

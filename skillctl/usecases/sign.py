@@ -84,7 +84,7 @@ def sign(
     private_key = read_private_key(key, ask)
     source = open_skill(reference, store, lock)
     signature = make_signature(source.artifact.digest, private_key)
-    created = add_signature(source.located.path, signature)
+    created = add_signature(source.located, signature)
     path = signatures_path(source.located.path)
     return SignReport(source.name, source.artifact.digest, path, signature.key, created)
 
@@ -117,7 +117,7 @@ def check_signature(source: Source, key: str) -> SignatureReport:
     """
     path = signatures_path(source.located.path)
     digest = source.artifact.digest
-    signatures = read_signatures(source.located.path)
+    signatures = read_signatures(source.located)
     state = signature_state(digest, signatures, key)
     others = ", ".join(sorted({signature.key for signature in signatures}))
     sentences: dict[SignatureState, str] = {

@@ -258,3 +258,20 @@ def test_a_skill_without_versions_is_not_listed(registry):
     assert registry.names() == ()
     with pytest.raises(NotFoundError):
         registry.remove("reach", [1])
+
+
+def test_signatures_of_a_version_are_kept_with_it(registry, versions):
+    signatures = [
+        store.Signature(f"ed25519:{key * 64}", store.digest_of(versions[2]), "0" * 128) for key in "01"
+    ]
+    located = registry.locate("reach")
+    assert store.read_signatures(located) == ()
+    assert [store.add_signature(located, signature) for signature in (*signatures, signatures[0])] == [
+        True,
+        True,
+        False,
+    ]
+    assert store.read_signatures(registry.locate("reach@3")) == tuple(signatures)
+    assert "3.h5.sig" in registry.backend.files("reach")
+    registry.remove("reach", [3])
+    assert [name for name in registry.backend.files("reach") if name.endswith(".sig")] == []

@@ -55,8 +55,10 @@ def test_one_place_opens_hdf5_to_read_skills():
         (str(path.relative_to(package)), name, *arguments[1:])
         for path in package.rglob("*.py")
         for name, arguments in calls(path)
-        if re.fullmatch(r"(h5py\.)?(File|h5f\.\w+)", name)
+        if re.fullmatch(r"h5py\.(File|h5f\.\w+)|h5f\.\w+", name)
     }
+    by_name = re.compile(r"from h5py import .*\b(File|h5f)\b")
+    assert not any(by_name.search(path.read_text(encoding="utf-8")) for path in package.rglob("*.py"))
     written = {("store/writer.py", "h5py.File", "'w'"), ("simulation/recording.py", "h5py.File", "'w'")}
     assert opened - written == {
         ("store/reader.py", "h5py.File", "'r'"),

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import pytest
 
@@ -95,23 +96,24 @@ def test_no_flipped_bit_of_a_signature_passes(keys):
 
 def test_signatures_of_others_stay_and_those_of_what_was_there_before_go(keys, tmp_path):
     artifact = tmp_path / "a.h5"
-    assert store.read_signatures(artifact) == ()
-    assert store.add_signature(artifact, signed(keys[0], OTHER))
-    assert store.add_signature(artifact, signed(keys[0]))
-    assert store.add_signature(artifact, signed(keys[1]))
+    assert store.read_signatures(store.Located(artifact)) == ()
+    assert store.add_signature(store.Located(artifact), signed(keys[0], OTHER))
+    assert store.add_signature(store.Located(artifact), signed(keys[0]))
+    assert store.add_signature(store.Located(artifact), signed(keys[1]))
     both = {signed(pair) for pair in keys}
-    assert set(store.read_signatures(artifact)) == both
+    assert set(store.read_signatures(store.Located(artifact))) == both
     before = store.signatures_path(artifact).stat().st_mtime_ns
-    assert not store.add_signature(artifact, signed(keys[0]))
+    assert not store.add_signature(store.Located(artifact), signed(keys[0]))
     assert store.signatures_path(artifact).stat().st_mtime_ns == before
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5.sig"]
 
 
 def test_many_signers_at_once_lose_none(tmp_path):
+    artifact = store.Located(tmp_path / "a.h5")
     wanted = {store.Signature(f"ed25519:{i:064x}", DIGEST, "0" * 128) for i in range(40)}
     with ThreadPoolExecutor(8) as pool:
-        assert all(pool.map(lambda signature: store.add_signature(tmp_path / "a.h5", signature), wanted))
-    assert set(store.read_signatures(tmp_path / "a.h5")) == wanted
+        assert all(pool.map(partial(store.add_signature, artifact), wanted))
+    assert set(store.read_signatures(artifact)) == wanted
 
 
 @pytest.mark.parametrize(
@@ -126,19 +128,19 @@ def test_many_signers_at_once_lose_none(tmp_path):
     ],
 )
 def test_what_are_no_signatures_is_refused_and_left_as_it_is(keys, tmp_path, content):
-    artifact = tmp_path / "a.h5"
-    store.signatures_path(artifact).write_bytes(content)
-    for use in (store.read_signatures, lambda path: store.add_signature(path, signed(keys[0]))):
+    artifact = store.Located(tmp_path / "a.h5")
+    (path := store.signatures_path(artifact.path)).write_bytes(content)
+    for use in (store.read_signatures, lambda located: store.add_signature(located, signed(keys[0]))):
         with pytest.raises(InvalidSignaturesError, match=r"a\.h5\.sig"):
             use(artifact)
-    assert store.signatures_path(artifact).read_bytes() == content
+    assert path.read_bytes() == content
 
 
 def test_a_planted_link_is_neither_followed_nor_replaced(keys, tmp_path):
     (tmp_path / "target").write_text("precious")
     (tmp_path / "a.h5.sig").symlink_to(tmp_path / "target")
     with pytest.raises(InvalidSignaturesError, match="symbolic link"):
-        store.add_signature(tmp_path / "a.h5", signed(keys[0]))
+        store.add_signature(store.Located(tmp_path / "a.h5"), signed(keys[0]))
     assert (tmp_path / "target").read_text() == "precious"
 
 
@@ -148,7 +150,7 @@ def test_a_disk_that_refuses_is_said(keys, tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "fsync", refuse)
     with pytest.raises(StoreError, match="No space"):
-        store.add_signature(tmp_path / "a.h5", signed(keys[0]))
+        store.add_signature(store.Located(tmp_path / "a.h5"), signed(keys[0]))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -156,7 +158,7 @@ def test_removing_a_version_removes_its_signatures_and_no_others(keys, tmp_path,
     registry = store.Registry(tmp_path / "skills")
     for seed in (1, 2):
         published = registry.publish("reach", store.encode(wrap(make_seds(seed))))
-        store.add_signature(published.path, signed(keys[0], published.digest))
+        store.add_signature(store.Located(published.path), signed(keys[0], published.digest))
     assert registry.versions("reach") == (1, 2)
     registry.remove("reach", [1])
     names = sorted(path.name for path in (tmp_path / "skills" / "reach").iterdir())

@@ -133,7 +133,7 @@ def _require_versions(directory: Path, ledger: Ledger, before: str) -> None:
 
 def _require_signatures(directory: Path, ledger: Ledger, before: str) -> None:
     for version in ledger.signed & ledger.there.keys():
-        if not store.read_signatures(directory / f"{version}.h5"):
+        if not store.read_signatures(store.Located(directory / f"{version}.h5")):
             raise Finding(f"{before}version {version} is there and its signature is not")
 
 
