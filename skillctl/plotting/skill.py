@@ -82,6 +82,8 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
 def _heights(span: FloatArray, panels: int, rows: int) -> list[float]:
     """Return the height of each row of panels, [inch], for the sides of the box (d,)."""
     labels = 0.5
+    if len(span) == 1:
+        return [0.7 * PANEL] * rows
     if panels == 1:
         return [PANEL * float(span[1] / span[0]) + labels] * rows
     if len(span) == 3:
