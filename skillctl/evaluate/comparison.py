@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.geometry import box
 from skillctl.model.demonstration import Demonstration
 from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
@@ -168,7 +169,7 @@ def _means_of(skill: Skill) -> FloatArray:
 def _grid(points: FloatArray) -> FloatArray:
     """Return points that fill the box around ``points`` (n, d), evenly."""
     d = points.shape[1]
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = box(points)
     margin = MARGIN * (high - low).max()
     each = int(GRID_POINTS ** (1 / d) + 1e-9)  # 1000^(1/3) is 9.999…
     if each < 3:  # too many dimensions for a grid: the same random points every time

@@ -56,6 +56,8 @@ def test_the_limit_is_lifted_whatever_another_thread_limited_meanwhile() -> None
 
     with ThreadPoolExecutor(1) as pool:
         with one_blas_thread():
+            with one_blas_thread():
+                pass
             other = pool.submit(interfere)
             assert limited.wait(timeout=30)
         assert limits() == {2}
