@@ -15,6 +15,7 @@ from skillctl import errors
 from skillctl.cli.errors import forget_published, nearest_word
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
+from skillctl.cli.parameters import expanded
 
 # Name → what `skillctl --help` says. The module and its function are the name with underscores.
 COMMANDS = {
@@ -198,7 +199,7 @@ def load_command(name: str) -> Any:
         short_help=COMMANDS[name],
         epilog=module.EXAMPLES,
         context_settings=CONTEXT_SETTINGS,
-    )(getattr(module, module_name))
+    )(expanded(getattr(module, module_name)))
     return typer.main.get_command(single)
 
 
