@@ -35,7 +35,7 @@ from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import HandPolicy
 from skillctl.simulation.options import Board, Control, Plane
-from skillctl.simulation.scenario_errors import in_words
+from skillctl.toml_files import complaint
 
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
@@ -297,7 +297,7 @@ class Scenario(Part):
             try:
                 super().__init__(**values)
             except ValidationError as error:
-                raise UsageError(in_words(error, KEYS)) from error
+                raise UsageError(complaint(error.errors(include_url=False), KEYS)) from error
 
     @model_validator(mode="before")
     @classmethod
