@@ -11,6 +11,7 @@ import typer
 from skillctl.cli import learn_batch, options, render, words
 from skillctl.cli.making import make
 from skillctl.cli.output import Output
+from skillctl.demonstrations.formats import described
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
 from skillctl.learning.options import LearnOptions
@@ -33,7 +34,10 @@ def learn(
     context: typer.Context,
     data: Annotated[
         list[str] | None,
-        typer.Argument(metavar="DATA...", help=f"Files with demonstrations: {described()}."),
+        typer.Argument(
+            metavar="DATA...",
+            help=f"Files with demonstrations: {described()}.",
+        ),
     ] = None,
     *,
     making: options.Making,

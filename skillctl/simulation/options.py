@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
 from skillctl.options import MOTION, changed, option, read_numbers
+from skillctl.simulation.arms import ARMS
 
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Board: TypeAlias = Literal["top", "bottom"]
 Control: TypeAlias = Literal["position", "torque"]
+HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
 
 BOARDS: tuple[Board, ...] = get_args(Board)
 
@@ -57,6 +59,11 @@ def _jump(kind: str) -> Callable[[str], dict[str, Any]]:
     return read
 
 
+def _titles() -> str:
+    first, *others = (arm.title for arm in ARMS.values())
+    return ", ".join([f"{first} (default)", *others])
+
+
 def _numbers(text: str, count: int) -> tuple[float, ...]:
     numbers = read_numbers(text)
     if len(numbers) != count:
@@ -69,9 +76,9 @@ class ScenarioOptions:
     """What is changed of a scenario: fields of ``Scenario``; None and nothing leave them as they are."""
 
     arm: str | None = option(
-        metavar="panda|iiwa|xarm6|FILE.urdf",
+        metavar="|".join([*ARMS, "FILE.urdf"]),
         group=PLACING,
-        help="Franka Panda (default), KUKA LBR iiwa, UFACTORY xArm6, or the arm in a URDF file.",
+        help=f"{_titles()}, or the arm in a URDF file.",
     )
     tip: str | None = option(
         metavar="LINK",
@@ -122,7 +129,7 @@ class ScenarioOptions:
         help="Workspace position of the skill's zero. Default: the arm's base; a 2-D skill is centred "
         "in front of the arm.",
     )
-    hand: Literal["horizontal", "down", "free"] | None = option(
+    hand: HandPolicy | None = option(
         group=PLACING, help="How the hand is held. Default: the first that works."
     )
     scene: Literal["none", "table", "shelf"] | None = option(

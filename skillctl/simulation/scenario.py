@@ -33,8 +33,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.ik import HandPolicy
-from skillctl.simulation.options import Board, Control, Plane
+from skillctl.simulation.options import Board, Control, HandPolicy, Plane
 from skillctl.toml_files import complaint
 
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup

@@ -11,11 +11,9 @@ from skillctl.cli.app import load_command
 from skillctl.cli.parameters import parser
 from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.demonstrations import options as reading
-from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.recording import Unit
 from skillctl.learning.options import LearnOptions, read_components
 from skillctl.options import options_of, read_numbers, read_ranges, read_words
-from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import HAND_PITCH
 from skillctl.simulation.options import ScenarioOptions, read_cup, read_push, read_start, read_target
 from skillctl.simulation.scenario import Scenario
@@ -30,17 +28,12 @@ def declared(kind, field):
 @pytest.mark.parametrize(
     ("kind", "field", "defined"),
     [
-        (reading.Reading, "input_format", FORMATS),
         (reading.Reading, "units", get_args(Unit)),
         (ScenarioOptions, "hand", HAND_PITCH),
     ],
 )
 def test_the_choices_are_those_of_the_rooms(kind, field, defined):
     assert set(declared(kind, field).choices) == set(defined)
-
-
-def test_the_arms_offered_are_those_there_are():
-    assert declared(ScenarioOptions, "arm").option.metavar == "|".join([*ARMS, "FILE.urdf"])
 
 
 def test_what_can_be_typed_about_a_scenario_is_in_scenarios():
