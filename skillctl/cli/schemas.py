@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import fields
 from inspect import cleandoc, isabstract
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
@@ -45,6 +46,10 @@ def _array(axes: int) -> Schema:
 def _opened(schema: Schema) -> Schema:
     """Return a schema that forbids no further keys."""
     return {key: value for key, value in schema.items() if key != "additionalProperties"}
+
+
+def _summary(kind: type) -> str:
+    return cleandoc(kind.__doc__ or "").partition("\n\n")[0]
 
 
 def described_attributes(docstring: str) -> dict[str, str]:
@@ -104,12 +109,18 @@ class Plain(GenerateJsonSchema):
         said = {}
         for each in reversed(kind.__mro__):  # what a base says of its fields need not be said again
             said.update(described_attributes(each.__doc__ or ""))
-        for key, value in found["properties"].items():
-            value.pop("default", None)
-            if key in said:
-                value["description"] = said[key]
-        summary = cleandoc(kind.__doc__ or "").partition("\n\n")[0]
-        return {**_opened(found), "description": summary, "required": list(found["properties"])}
+        properties = found["properties"]
+        for field in fields(kind):
+            if field.name not in properties:  # pydantic passes over what is computed at the start
+                properties[field.name] = self._of(get_type_hints(kind)[field.name])
+            properties[field.name].pop("default", None)
+            if field.name in said:
+                properties[field.name]["description"] = said[field.name]
+        return {**_opened(found), "description": _summary(kind), "required": list(properties)}
+
+    def enum_schema(self, schema: Any) -> Schema:
+        """Return the schema of an enumeration."""
+        return {**super().enum_schema(schema), "description": _summary(schema["cls"])}
 
     def _of(self, kind: Any) -> Schema:
         found: Schema = self.generate_inner(_adapter([kind]).core_schema)["prefixItems"][0]
