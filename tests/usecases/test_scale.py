@@ -18,7 +18,6 @@ import pytest
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import InputDataError, NotFoundError, StoreError, UsageError
 from skillctl.learning.options import LearnOptions
-from skillctl.usecases import learn_many as learn_many_module
 from skillctl.usecases import manifest
 from skillctl.usecases.learn import learn
 from skillctl.usecases.learn_many import learn_many
