@@ -227,8 +227,8 @@ def _how(node: Node) -> list[str]:
     if node.gate is None:
         return []
     shares = ", ".join(f"{part.share:.3g}" for part in node.parts)
-    parameters = "".join(f", {name} {value:g}" for name, value in node.parameters.items())
-    return [f"({node.gate}{parameters}; shares {shares}; speed {node.speed:g})"]
+    gate = words.gate(node.gate, node.parameters)
+    return [f"({gate}; shares {shares}; speed {node.speed:g})"]
 
 
 def _origin(report: InspectReport) -> render.Facts:

@@ -102,10 +102,9 @@ def blocks(report: MergeReport) -> list[render.Block]:
         blocks.append(words.refits(report.refits, report.unit))
     if report.task is not None:
         blocks.append(_errors(report.task, report.unit))
-    gate = report.gate if report.gate != "experts" else words.gate(report.gate, report.parameters)
     facts = (
         *words.written(report.written),
-        ("gate", gate),
+        ("gate", words.gate(report.gate, report.parameters)),
         ("speed", f"{report.speed:.4g}"),
         *_fit(report.task),
         ("attractor", words.point(report.attractor, report.unit)),

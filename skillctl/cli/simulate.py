@@ -116,12 +116,13 @@ def simulate(
 
     The same command gives the same motion, bit for bit, on the same machine.
     """
-    from skillctl.usecases.scenario import scenario_of, scenario_text
+    from skillctl.simulation.scenario import Scenario
+    from skillctl.simulation.scenario_file import overridden, read_scenario, to_toml
 
     output: Output = context.obj
-    chosen = scenario_of(scenario, changes.given())
+    chosen = overridden(Scenario() if scenario is None else read_scenario(scenario), changes.given())
     if print_scenario:
-        output.verbatim(scenario_text(chosen))
+        output.verbatim(to_toml(chosen))
         return
     if skill is None:
         raise UsageError("SKILL: is missing: say which skill shall be run.")
