@@ -50,7 +50,7 @@ ONLY_IN = {
     "pybullet": {"simulation"},
     "pybullet_data": {"simulation"},
     "h5py": {"store", "demonstrations", "simulation"},
-    "pydantic": {"store", "simulation", "usecases"},
+    "pydantic": {"store", "simulation", "usecases", "cli"},
     "typer": {"cli"},
     "rich": {"cli"},
     "PIL": {"simulation", "plotting"},

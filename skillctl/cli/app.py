@@ -13,8 +13,9 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
 from skillctl.cli.errors import forget_published, nearest_word
-from skillctl.cli.exit_codes import ExitCode
+from skillctl.cli.exit_codes import ExitCode, told
 from skillctl.cli.output import Output
+from skillctl.cli.parameters import expanded
 
 # Name → what `skillctl --help` says. The module and its function are the name with underscores.
 COMMANDS = {
@@ -42,15 +43,14 @@ COMMANDS = {
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
-EPILOG = """\b
+EPILOG = f"""\b
 Example:
   skillctl quickstart
   skillctl learn recording.csv --name reach
   skillctl verify-stability reach
 
 Results go to standard output, everything else to standard error.
-Exit codes: 0 done or proved, 1 not proved or goal not reached, 2 usage, 3 inconclusive, 4 not found,
-5 bad input data, 6 no acceptable skill, 7 artifact refused, 8 store or disk, 70 internal error."""
+Exit codes: {told()}."""
 
 
 class Command(TyperCommand):
@@ -198,7 +198,7 @@ def load_command(name: str) -> Any:
         short_help=COMMANDS[name],
         epilog=module.EXAMPLES,
         context_settings=CONTEXT_SETTINGS,
-    )(getattr(module, module_name))
+    )(expanded(getattr(module, module_name)))
     return typer.main.get_command(single)
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -51,29 +51,6 @@ class Answer:
         return "".join(f"{line}\n" for line in [f"{self.kind} {self.settled}", *lines])
 
 
-@dataclass
-class Typed:
-    """The words of a command, as far as they are complete.
-
-    Attributes:
-        arguments: Words that are no options and no values of options.
-        values: By the name of the option's parameter.
-        waiting: An option that waits for its value.
-        only_arguments: ``--`` was typed: nothing is an option any more.
-    """
-
-    arguments: list[str] = field(default_factory=list)
-    values: dict[str, str] = field(default_factory=dict)
-    waiting: Any = None
-    only_arguments: bool = False
-
-    @property
-    def registry(self) -> Registry:
-        """The store that the command would use."""
-        store = self.values.get("store")
-        return Registry(locate_store(Path(store).expanduser() if store else None))
-
-
 def main(arguments: Sequence[str]) -> None:
     """Print the answer to a shell's request; a request that cannot be answered gets an empty one.
 
@@ -112,69 +89,61 @@ def answer_to(words: Sequence[str]) -> Answer:
     if name is None:
         offered = Answer(tuple(COMMANDS.items()))
         if current.startswith("-"):
-            offered = _options(app_options(), {})
+            offered = _options(app_options())
         return offered.starting_with(current)
     if name not in COMMANDS:
         return Answer()
-    parameters = load_command(name).params
-    options = {word: parameter for parameter in parameters for word in parameter.opts if word[:1] == "-"}
-    typed = _read(before[before.index(name) + 1 :], options)
-    if typed.waiting is not None:
-        return _value(typed.waiting, current, typed)
-    if current.startswith("-") and not typed.only_arguments:
+    command, typed = load_command(name), before[before.index(name) + 1 :]
+    context = command.make_context(name, list(typed), resilient_parsing=True)
+    options = {word: each for each in command.params for word in each.opts if word[:1] == "-"}
+    only_arguments = "--" in typed
+    waiting = options.get(typed[-1]) if typed and not only_arguments else None
+    if waiting is not None and not waiting.is_flag:
+        return _value(waiting, current, context)
+    if current.startswith("-") and not only_arguments:
         option, equals, value = current.partition("=")
         if equals and option in options:
-            return _value(options[option], value, typed).after(f"{option}=")
-        return _options(parameters, typed.values).starting_with(current)
-    argument = _argument(parameters, len(typed.arguments))
-    return Answer() if argument is None else _value(argument, current, typed)
+            return _value(options[option], value, context).after(f"{option}=")
+        return _options(command.params, context).starting_with(current)
+    argument = _argument(command.params, context)
+    return Answer() if argument is None else _value(argument, current, context)
 
 
-def _read(words: Iterable[str], options: Mapping[str, Any]) -> Typed:
-    typed = Typed()
-    for word in words:
-        if typed.waiting is not None:
-            typed.values[typed.waiting.name], typed.waiting = word, None
-        elif typed.only_arguments or not word.startswith("-"):
-            typed.arguments.append(word)
-        elif word == "--":
-            typed.only_arguments = True
-        else:
-            name, equals, value = word.partition("=")
-            option = options.get(name)
-            if option is not None and (option.is_flag or equals):
-                typed.values[option.name] = value
-            else:
-                typed.waiting = option
-    return typed
+def _given(parameter: Any, context: Any) -> bool:
+    """Return whether a parameter was typed."""
+    source = context.get_parameter_source(parameter.name)
+    return source is not None and source.name == "COMMANDLINE"
 
 
-def _options(parameters: Iterable[Any], given: Mapping[str, str]) -> Answer:
+def _options(parameters: Iterable[Any], context: Any = None) -> Answer:
     """Return the long names of options that may still be given."""
     return Answer(
         tuple(
-            (max(parameter.opts, key=len), (parameter.help or "").partition(". ")[0].rstrip("."))
-            for parameter in parameters
-            if parameter.param_type_name == "option" and (parameter.multiple or parameter.name not in given)
+            (max(each.opts, key=len), (each.help or "").partition(". ")[0].rstrip("."))
+            for each in parameters
+            if each.param_type_name == "option"
+            and (context is None or each.multiple or not _given(each, context))
         )
     )
 
 
-def _argument(parameters: Iterable[Any], position: int) -> Any:
-    """Return the argument at a position, None if no more fit."""
-    for parameter in parameters:
-        if parameter.param_type_name == "argument":
-            if parameter.nargs < 0 or position < parameter.nargs:
-                return parameter
-            position -= parameter.nargs
-    return None
+def _argument(parameters: Iterable[Any], context: Any) -> Any:
+    """Return the argument that comes next, None if no more fit."""
+    arguments = (each for each in parameters if each.param_type_name == "argument")
+    return next((each for each in arguments if each.nargs < 0 or not _given(each, context)), None)
 
 
-def _value(parameter: Any, word: str, typed: Typed) -> Answer:
+def _registry(context: Any) -> Registry:
+    """Return the store that the command would use."""
+    store = context.params.get("store")
+    return Registry(locate_store(Path(store).expanduser() if store else None))
+
+
+def _value(parameter: Any, word: str, context: Any) -> Answer:
     """Return the values of a parameter: its help's own word for them says which they are."""
     metavar = (parameter.metavar or "").strip("[].")
     if metavar in VALUES:
-        return VALUES[metavar](word, typed)
+        return VALUES[metavar](word, context)
     if choices := getattr(parameter.type, "choices", ()):
         return Answer(tuple((choice, "") for choice in choices)).starting_with(word)
     if getattr(parameter.type, "name", "") == "path":
@@ -188,17 +157,17 @@ def _value(parameter: Any, word: str, typed: Typed) -> Answer:
     return Answer(literal, "files" if file else "words").starting_with(word)
 
 
-def _skills(word: str, typed: Typed) -> Answer:
+def _skills(word: str, context: Any) -> Answer:
     """Return skills of the store, the versions of one, or skill files."""
     name, at, _ = word.partition("@")
     if "/" in word or word.startswith("~"):
         return Answer(kind="files")
     if at:
-        return _versions(name, typed.registry).starting_with(word)
+        return _versions(name, _registry(context)).starting_with(word)
     here = [entry for entry in Path.cwd().iterdir() if PLAIN.fullmatch(entry.name)]
     files = [(entry.name, "file") for entry in here if entry.suffix == ".h5"]
     folders = [(f"{entry.name}/", "") for entry in here if entry.is_dir() and not entry.name.startswith(".")]
-    names = [(name, "skill") for name in typed.registry.names()]
+    names = [(name, "skill") for name in _registry(context).names()]
     found = Answer((*names, *sorted(files), *sorted(folders))).starting_with(word)
     return found if found.words else Answer(kind="files")
 
@@ -212,33 +181,34 @@ def _versions(name: str, registry: Registry) -> Answer:
     return Answer((latest, *aliases, *((f"{name}@{number}", "") for number in reversed(numbers))))
 
 
-def _names(word: str, typed: Typed) -> Answer:
-    return Answer(tuple((name, "skill") for name in typed.registry.names())).starting_with(word)
+def _names(word: str, context: Any) -> Answer:
+    return Answer(tuple((name, "skill") for name in _registry(context).names())).starting_with(word)
 
 
-def _aliases(word: str, typed: Typed) -> Answer:
+def _aliases(word: str, context: Any) -> Answer:
     """Return the aliases of the skill that is named before."""
-    name = typed.arguments[0].partition("@")[0]
-    aliases = typed.registry.aliases(name)
+    named = next(each for each in context.command.params if each.param_type_name == "argument")
+    name = context.params[named.name].partition("@")[0]
+    aliases = _registry(context).aliases(name)
     return Answer(tuple((alias, f"version {n}") for alias, n in aliases.items())).starting_with(word)
 
 
-def _files(word: str, typed: Typed) -> Answer:
+def _files(word: str, context: Any) -> Answer:
     return Answer(kind="files")
 
 
-def _nothing(word: str, typed: Typed) -> Answer:
+def _nothing(word: str, context: Any) -> Answer:
     return Answer()
 
 
-def _outputs(word: str, typed: Typed) -> Answer:
+def _outputs(word: str, context: Any) -> Answer:
     from skillctl.cli.documents import OUTPUTS
 
     return Answer(tuple((name, "") for name in OUTPUTS)).starting_with(word)
 
 
 # By what a value is called in the help, without [] and ….
-VALUES: dict[str, Callable[[str, Typed], Answer]] = {
+VALUES: dict[str, Callable[[str, Any], Answer]] = {
     "SKILL": _skills,
     "A": _skills,
     "B": _skills,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from functools import partial
+from typing import TYPE_CHECKING
 
 import typer
 
 from skillctl.cli import options, render, words
+from skillctl.cli.making import files_of, make
 from skillctl.cli.output import Output
+from skillctl.compose.options import CombineOptions
 
 if TYPE_CHECKING:
     from skillctl.usecases.combine import CombineReport
@@ -24,91 +27,28 @@ SELDOM = 0.5  # a part that acts at a smaller share of the starts of its demonst
 def combine(
     context: typer.Context,
     skills: options.Skills,
-    output_file: options.OutputFile = None,
-    name: options.Name = None,
-    message: options.Message = None,
-    depfile: options.Depfile = None,
-    if_changed: options.IfChanged = False,
-    explain: options.Explain = False,
-    force: options.Force = False,
-    plot: options.Plot = None,
-    gate: Annotated[
-        options.CombineGate,
-        typer.Option(
-            help="latched: the acting skill is chosen at the start, and again after a disturbance; "
-            "instantaneous: at every instant, without a guarantee unless aligned.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = "latched",
-    align: Annotated[
-        bool,
-        typer.Option(
-            "--align",
-            help="Move all skills to one target: where the motion starts from it decides which acts.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = False,
-    target: options.Target = None,
-    priors: Annotated[
-        options.Numbers | None,
-        typer.Option(
-            parser=options.read_numbers,
-            metavar="B,B,...",
-            help="How readily each skill is chosen, all positive. Default: equal.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = None,
-    calibrate: Annotated[
-        bool,
-        typer.Option(
-            "--calibrate",
-            help="Choose the priors so that motions that start where a skill was taught select it.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = False,
-    disturbance_distance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="D",
-            help="A jump by more than this, in the unit of the skills, selects again. "
-            "Default: 5 % of the smallest skill's extent.",
-            rich_help_panel=options.MOTION,
-        ),
-    ] = None,
+    *,
+    making: options.Making,
+    combining: CombineOptions,
     no_refit: options.NoRefit = False,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    place: options.LockedPlace,
 ) -> None:
     """Combine skills: one of them acts at a time, chosen by where the motion starts.
 
     Without --align every skill keeps its own target, so that where a motion starts decides where it ends.
     """
-    from skillctl.compose.options import CombineOptions
-    from skillctl.store import locate
     from skillctl.usecases.combine import combine as combine_skills
-    from skillctl.usecases.target import finish_target, require_target
 
+    call = partial(
+        combine_skills,
+        skills,
+        store=place.store,
+        lock=place.lock,
+        options=combining,
+        refit=not no_refit,
+    )
     output: Output = context.obj
-    lock = options.chosen_lock(locked)
-    require_target(output_file, depfile, if_changed)
-    with output.progress("combining") as progress:
-        report = combine_skills(
-            skills,
-            output=output_file,
-            name=name,
-            store=store,
-            lock=lock,
-            note=message,
-            options=CombineOptions(priors, gate, align, target, disturbance_distance, calibrate),
-            refit=not no_refit,
-            force=force,
-            plot=plot,
-            progress=progress,
-        )
-    parts = [locate(part.skill, store).path for part in report.parts]
-    parts += [lock.path] if lock is not None else []
-    finish_target(output_file, parts, created=report.written.created, depfile=depfile, if_changed=if_changed)
-    words.explain(output, report.notes, report.reasons if explain else ())
+    report = make(output, "combining", making, call, lambda report: files_of(report.parts, place))
     for sentence in report.not_guaranteed:
         output.note(f"warning: not guaranteed: {sentence}")
     for sentence in _displaced(report):

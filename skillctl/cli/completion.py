@@ -99,10 +99,8 @@ def installed(report: CompletionReport) -> CompletionReport:
 
 def blocks(report: CompletionReport) -> list[render.Block]:
     """Return the report on an installation for people."""
-    assert report.path is not None  # installed
-    facts = [("shell", report.shell), ("script", words.near(report.path))]
-    if report.startup is not None:
-        facts.append(("read by", words.near(report.startup)))
+    places = (("script", report.path), ("read by", report.startup))
+    facts = [("shell", report.shell), *((name, words.near(path)) for name, path in places if path)]
     return [render.Facts(tuple(facts)), "Open a new shell, type skillctl and a space, and press TAB twice."]
 
 

@@ -37,8 +37,8 @@ def diff(
         float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by X, and besides")
     ] = 1e-9,
     rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what they are in A.")] = 1e-9,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    *,
+    place: options.LockedPlace,
 ) -> None:
     """Compare two skills: metadata, numbers, how they move, what is proved.
 
@@ -48,8 +48,7 @@ def diff(
     from skillctl.usecases.diff import diff as diff_skills
 
     output: Output = context.obj
-    lock = options.chosen_lock(locked)
-    report = diff_skills(first, second, atol=atol, rtol=rtol, store=store, lock=lock)
+    report = diff_skills(first, second, atol=atol, rtol=rtol, store=place.store, lock=place.lock)
     output.result(report, lambda: blocks(report))
     if exit_code and report.differs:
         raise typer.Exit(ExitCode.NEGATIVE)

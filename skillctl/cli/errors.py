@@ -1,4 +1,4 @@
-"""From an exception to an exit code and one sentence: the only place where either is decided."""
+"""From an exception to its exit code and one sentence."""
 
 from __future__ import annotations
 
@@ -12,23 +12,6 @@ import typer
 from skillctl import errors
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import did_you_mean, printable
-
-# First match wins, so a subclass stands before its base.
-EXIT_CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
-    (errors.UsageError, ExitCode.USAGE),
-    (errors.NotFoundError, ExitCode.NOT_FOUND),
-    (errors.InputDataError, ExitCode.BAD_INPUT),
-    (errors.InvalidModelError, ExitCode.BAD_INPUT),
-    (errors.FitError, ExitCode.FIT_FAILED),
-    (errors.ArtifactError, ExitCode.REFUSED),
-    (errors.StoreError, ExitCode.STORE),
-    (errors.GoalNotReachedError, ExitCode.NEGATIVE),
-    (BrokenPipeError, ExitCode.CLOSED_PIPE),
-    (OSError, ExitCode.STORE),
-    (errors.Terminated, ExitCode.TERMINATED),
-    (KeyboardInterrupt, ExitCode.INTERRUPTED),
-    (Exception, ExitCode.INTERNAL),
-)
 
 # What the parser says in a programmer's words, and how it is said here.
 REWORDED = (
@@ -59,7 +42,7 @@ def describe(error: BaseException) -> Failure:
     """Return what to tell about an error."""
     if isinstance(error, ParserError):
         return _usage_failure(error)
-    code = next(code for kind, code in EXIT_CODES if isinstance(error, kind))
+    code = ExitCode.of(error)
     if isinstance(error, errors.SkillctlError):
         return Failure(code, printable(str(error)), printable(error.hint))
     if isinstance(error, KeyboardInterrupt):

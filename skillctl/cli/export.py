@@ -27,8 +27,8 @@ def export(
         int | None,
         typer.Option(metavar="N", help="For .mat: which leaf of a merged or combined skill, from 1."),
     ] = None,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    *,
+    place: options.LockedPlace,
 ) -> None:
     """Write a skill for other programs.
 
@@ -38,8 +38,7 @@ def export(
     from skillctl.usecases.export import export as export_skill
 
     output: Output = context.obj
-    lock = options.chosen_lock(locked)
-    report = export_skill(skill, output_file, leaf=leaf, store=store, lock=lock)
+    report = export_skill(skill, output_file, leaf=leaf, store=place.store, lock=place.lock)
     facts = (
         ("skill", report.skill),
         ("file", words.near(report.path)),

@@ -27,7 +27,8 @@ def gc(
         bool, typer.Option("--keep-tagged", help="Keep versions that have an alias, too.")
     ] = False,
     dry_run: options.DryRun = False,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Remove all but the newest versions of the skills of the store.
 
@@ -37,5 +38,7 @@ def gc(
     from skillctl.usecases.versions import collect
 
     output: Output = context.obj
-    report = collect(names or (), keep_last=keep_last, keep_tagged=keep_tagged, dry_run=dry_run, store=store)
+    report = collect(
+        names or (), keep_last=keep_last, keep_tagged=keep_tagged, dry_run=dry_run, store=place.store
+    )
     output.result(report, lambda: blocks(report))

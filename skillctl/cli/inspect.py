@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
+from skillctl.cli.parameters import parser
 from skillctl.errors import UsageError
+from skillctl.options import RESULT, read_numbers
 
 if TYPE_CHECKING:
     from skillctl.evaluate.place import Place
@@ -37,9 +39,9 @@ def inspect(
         bool, typer.Option("--lineage", help="Show instead what it was made from, and whether that is there.")
     ] = False,
     at: Annotated[
-        options.Numbers | None,
+        Any,
         typer.Option(
-            parser=options.read_numbers,
+            parser=parser(read_numbers),
             metavar="X,Y,Z",
             help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
         ),
@@ -52,7 +54,7 @@ def inspect(
         typer.Option(
             metavar="F.png|svg|pdf",
             help="Draw it: field, demonstrations, motions, regions.",
-            rich_help_panel=options.RESULT,
+            rich_help_panel=RESULT,
         ),
     ] = None,
     html: Annotated[
@@ -60,11 +62,11 @@ def inspect(
         typer.Option(
             metavar="F.html",
             help="Write all of it as one page: tables, pictures, proof, lineage. It needs no network.",
-            rich_help_panel=options.RESULT,
+            rich_help_panel=RESULT,
         ),
     ] = None,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    *,
+    place: options.LockedPlace,
 ) -> None:
     """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
 
@@ -76,16 +78,15 @@ def inspect(
     output: Output = context.obj
     if lineage and at is not None:
         raise UsageError("--lineage and --at exclude each other.", hint="Ask for one after the other.")
-    lock = options.chosen_lock(locked)
     _require_places(plot, html)
     if plot is not None or html is not None:
-        drawn = inspect_skill(skill, store=store, lock=lock)
-        _write_files(drawn, plot, html, lambda: lineage_of(skill, store=store, lock=lock))
+        drawn = inspect_skill(skill, store=place.store, lock=place.lock)
+        _write_files(drawn, plot, html, lambda: lineage_of(skill, store=place.store, lock=place.lock))
     if lineage:
-        tree = lineage_of(skill, store=store, lock=lock)
+        tree = lineage_of(skill, store=place.store, lock=place.lock)
         output.result(tree, lambda: [ancestry(tree)])
         return
-    report = inspect_skill(skill, store=store, lock=lock, position=at)
+    report = inspect_skill(skill, store=place.store, lock=place.lock, position=at)
     output.result(report, lambda: blocks(report, every=demos))
 
 
@@ -226,8 +227,8 @@ def _how(node: Node) -> list[str]:
     if node.gate is None:
         return []
     shares = ", ".join(f"{part.share:.3g}" for part in node.parts)
-    parameters = "".join(f", {name} {value:g}" for name, value in node.parameters.items())
-    return [f"({node.gate}{parameters}; shares {shares}; speed {node.speed:g})"]
+    gate = words.gate(node.gate, node.parameters)
+    return [f"({gate}; shares {shares}; speed {node.speed:g})"]
 
 
 def _origin(report: InspectReport) -> render.Facts:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from skillctl.cli import render, words
 from skillctl.cli.errors import describe
 from skillctl.cli.exit_codes import ExitCode
+from skillctl.cli.options import Making, Place, Work
 from skillctl.cli.output import Output
 from skillctl.errors import UsageError
 
 if TYPE_CHECKING:
     from skillctl.usecases.learn_many import LearnManyReport, SkillOutcome
-    from skillctl.workers import Workers
 
 # What is said once for all skills; all other options of `learn` stand in the manifest.
 FOR_ALL = {"batch", "store", "force", "explain", "jobs", "backend", "scheduler"}
@@ -41,17 +41,17 @@ def require_one_kind(context: Any, batch: Path | None) -> None:
             raise UsageError(f"{parameter.opts[0]} is about many skills.", hint="List them: --batch F.toml.")
 
 
-def learn_batch(
-    output: Output, manifest: Path, *, store: Path | None, force: bool, explain: bool, workers: Workers
-) -> ExitCode:
+def learn_batch(output: Output, manifest: Path, making: Making, place: Place, work: Work) -> ExitCode:
     """Learn the skills of a manifest, tell about them, and return the exit code: the worst of all."""
     from skillctl.usecases.learn_many import learn_many
 
     with output.progress("learning") as progress:
-        report = learn_many(manifest, store=store, force=force, workers=workers, progress=progress)
+        report = learn_many(
+            manifest, store=place.store, force=making.force, workers=work.workers(), progress=progress
+        )
     for each in report.skills:
         if each.report is not None:
-            notes, reasons = each.report.notes, each.report.reasons if explain else ()
+            notes, reasons = each.report.notes, each.report.reasons if making.explain else ()
             words.explain(output, _of(each, notes), _of(each, reasons))
     output.result(report, lambda: blocks(report))
     failures = [describe(each.error) for each in report.skills if each.error is not None]

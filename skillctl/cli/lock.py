@@ -41,7 +41,8 @@ def lock(
             "a new one here.",
         ),
     ] = None,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Write down which skills a pipeline uses: name, version and content digest of each.
 
@@ -52,7 +53,7 @@ def lock(
     from skillctl.usecases.lock import lock as lock_skills
 
     output: Output = context.obj
-    report = lock_skills(skills or (), path=file, check=check, store=store)
+    report = lock_skills(skills or (), path=file, check=check, store=place.store)
     output.result(report, lambda: blocks(report, check))
     if check and report.changes:
         raise typer.Exit(ExitCode.NEGATIVE)

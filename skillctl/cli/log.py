@@ -24,13 +24,14 @@ def log(
     limit: Annotated[
         int | None, typer.Option("--limit", "-n", metavar="N", min=1, help="Only the N newest versions.")
     ] = None,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Show the versions of a skill, newest first: what made each, with the notes given with -m."""
     from skillctl.usecases.history import log as log_of
 
     output: Output = context.obj
-    report = log_of(name, limit=limit, store=store)
+    report = log_of(name, limit=limit, store=place.store)
     output.result(report, lambda: blocks(report))
 
 

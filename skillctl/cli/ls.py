@@ -30,7 +30,8 @@ def ls(
     check: Annotated[
         bool, typer.Option("--check", help="Read every file as a whole: seal, layout, metadata, numbers.")
     ] = False,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """List the skills of the store: versions, kind, aliases, size and digest.
 
@@ -40,7 +41,7 @@ def ls(
     from skillctl.usecases.ls import list_skills
 
     output: Output = context.obj
-    report = list_skills(store, names=names or (), check=check)
+    report = list_skills(place.store, names=names or (), check=check)
     output.result(report, lambda: blocks(report, each=bool(names)))
     for skill in report.skills:
         for problem in (skill.problem, *(entry.problem for entry in skill.entries)):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, Any
 
 from skillctl.cli import render, words
 from skillctl.errors import UsageError
+from skillctl.options import changed
 
 if TYPE_CHECKING:
     from skillctl.usecases.simulate_many import SimulateManyReport
@@ -25,31 +27,21 @@ MEDIANS = {  # figure → heading, unit
 }
 
 
-def refuse_for_many(**given: object) -> None:
-    """Refuse options that are about one episode.
-
-    Raises:
-        UsageError: One of them was given.
-    """
-    for name, value in given.items():
-        if value is not None:
-            raise UsageError(
-                f"--{name} is about one episode; many were asked for.",
-                hint=f"Add --episode I to run one of them with --{name}, or see --table and --overview.",
-            )
+def refuse_for_many(watching: Any) -> None:
+    """Raise UsageError if something is given that is about one episode."""
+    for option in changed(watching):
+        raise UsageError(
+            f"--{option.key} is about one episode; many were asked for.",
+            hint=f"Add --episode I to run one of them with --{option.key}, or see --table and --overview.",
+        )
 
 
-def refuse_for_one(**given: object) -> None:
-    """Refuse options that are about many episodes.
-
-    Raises:
-        UsageError: One of them was given.
-    """
-    for name, value in given.items():
-        if value is not None:
-            raise UsageError(
-                f"--{name} is about many episodes; one was asked for.", hint="Say how many: --episodes 50."
-            )
+def refuse_for_one(*options: Any) -> None:
+    """Raise UsageError if something is given that is about many episodes."""
+    for option in chain.from_iterable(map(changed, options)):
+        raise UsageError(
+            f"--{option.key} is about many episodes; one was asked for.", hint="Say how many: --episodes 50."
+        )
 
 
 def blocks(report: SimulateManyReport) -> list[render.Block]:

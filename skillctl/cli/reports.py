@@ -153,10 +153,9 @@ def _sarif_result(verdict: SkillVerdict) -> dict[str, Any]:
 
 def reason(verdict: SkillVerdict) -> str:
     """Return why a skill has its outcome, in sentences."""
-    if verdict.error is not None:
-        return describe(verdict.error).message
-    assert verdict.certificate is not None  # read, hence certified
     certificate = verdict.certificate
+    if certificate is None:
+        return describe(verdict.error).message if verdict.error else verdict.outcome
     if verdict.outcome == "proved":
         return " ".join(certificate.proof)
     return " ".join([*verdict.unmet, *certificate.failures, *certificate.evidence])

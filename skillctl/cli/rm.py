@@ -29,7 +29,8 @@ def rm(
         bool, typer.Option("--force", help="Also versions that have an alias, and the alias with them.")
     ] = False,
     dry_run: options.DryRun = False,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Remove versions from the store. Their numbers are not given to other versions later.
 
@@ -38,7 +39,7 @@ def rm(
     from skillctl.usecases.versions import remove
 
     output: Output = context.obj
-    report = remove(skills, all_versions=every, force=force, dry_run=dry_run, store=store)
+    report = remove(skills, all_versions=every, force=force, dry_run=dry_run, store=place.store)
     output.result(report, lambda: blocks(report))
 
 

@@ -32,8 +32,8 @@ def sign(
             metavar="KEY.pem", help="The private key, Ed25519. An encrypted one asks for its password."
         ),
     ],
-    store: options.Store = None,
-    locked: options.Locked = False,
+    *,
+    place: options.LockedPlace,
 ) -> None:
     """Sign what a skill holds, so that others can see who vouches for it.
 
@@ -44,7 +44,7 @@ def sign(
 
     output: Output = context.obj
     ask = _ask if sys.stdin is not None and sys.stdin.isatty() else None
-    report = sign_skill(skill, key, store=store, lock=options.chosen_lock(locked), ask=ask)
+    report = sign_skill(skill, key, store=place.store, lock=place.lock, ask=ask)
     facts = (
         ("skill", report.skill),
         ("digest", report.digest),

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from skillctl.cli import many, options, reach, render, scene, words
+from skillctl.cli import many, options, reach, render, words
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 from skillctl.errors import UsageError
+from skillctl.options import MOTION, RESULT, option
+from skillctl.simulation.options import BATCH, SCENE, ScenarioOptions
 
 if TYPE_CHECKING:
+    from skillctl.simulation.scenario import Scenario
     from skillctl.usecases.simulate import SimulateReport
 
 EXAMPLES = """\b
@@ -30,75 +34,72 @@ Example:
 Exit codes: 0 the hand reached the target, or lifted the cup, in at least --min-success of the episodes
 (--check: it can be reached); 1 it did not."""
 
-BATCH = "Many episodes"
+
+@dataclass(frozen=True)
+class Watching:
+    """How one episode is looked at."""
+
+    demo: int | None = option(
+        metavar="N",
+        group=MOTION,
+        help="Start where the skill's demonstration N starts, counted from 0.",
+    )
+    gui: bool = option(False, group=RESULT, help="Show it in a window, in real time.")
+    log: Path | None = option(metavar="F.csv|F.h5", group=RESULT, help="Write the time series.")
+    picture: Path | None = option(metavar="F.png", group=RESULT, help="Write a contact sheet.")
+    video: Path | None = option(
+        metavar="F.gif|F.mp4",
+        group=RESULT,
+        help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
+    )
+
+
+@dataclass(frozen=True)
+class Counting:
+    """What is made of many episodes."""
+
+    min_success: float = option(
+        1.0, metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0."
+    )
+    table: Path | None = option(metavar="F.csv", group=BATCH, help="Write one row per episode.")
+    overview: Path | None = option(metavar="F.png", group=BATCH, help="Write all episodes in one picture.")
+    colour: Literal["outcome", "part"] | None = option(
+        group=BATCH,
+        help="Colour the overview by outcome, or by the part of a combined skill that acted. Default: "
+        "outcome, but part if the parts end at different places.",
+    )
 
 
 def simulate(
     context: typer.Context,
-    skill: scene.OptionalSkill = None,
-    scenario: scene.File = None,
-    print_scenario: scene.PrintIt = False,
-    arm: scene.Arm = None,
-    tip: scene.Tip = None,
-    home: scene.Home = None,
-    start: scene.Start = None,
-    demo: scene.Demo = None,
-    target: scene.Target = None,
-    speed: scene.Speed = None,
-    control: scene.ControlMode = None,
-    max_duration: scene.MaxDuration = None,
-    plane: scene.Plane = None,
-    scale: scene.Scale = None,
-    origin: scene.Origin = None,
-    hand: scene.Hand = None,
-    standing: scene.Kind = None,
-    cup: scene.Cup = None,
-    push: scene.Push = None,
-    move_target: scene.MoveTarget = None,
-    displace: scene.Displace = None,
-    noise: scene.Noise = None,
-    target_error: scene.TargetError = None,
+    skill: Annotated[str | None, typer.Argument(metavar="SKILL", help=options.SKILL)] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.toml",
+            help="Everything that follows, in a file; what is typed here comes on top of it.",
+            rich_help_panel=SCENE,
+        ),
+    ] = None,
+    print_scenario: Annotated[
+        bool,
+        typer.Option(
+            "--print-scenario",
+            help="Only write what would be run, as such a file. Needs no SKILL.",
+            rich_help_panel=SCENE,
+        ),
+    ] = False,
+    *,
+    changes: ScenarioOptions,
     check: Annotated[
         bool,
         typer.Option(
             "--check",
             help="Only say whether start, path and target can be reached; nothing moves.",
-            rich_help_panel=options.MOTION,
+            rich_help_panel=MOTION,
         ),
     ] = False,
-    gui: Annotated[
-        bool,
-        typer.Option("--gui", help="Show it in a window, in real time.", rich_help_panel=options.RESULT),
-    ] = False,
-    log: Annotated[
-        Path | None,
-        typer.Option(metavar="F.csv|F.h5", help="Write the time series.", rich_help_panel=options.RESULT),
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(metavar="F.png", help="Write a contact sheet.", rich_help_panel=options.RESULT),
-    ] = None,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F.gif|F.mp4",
-            help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
-            rich_help_panel=options.RESULT,
-        ),
-    ] = None,
-    episodes: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Run so many episodes. Unless a scenario says what differs between them: the place of the "
-            "cup, and the start, which is a demonstration's, scattered.",
-            rich_help_panel=BATCH,
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(metavar="S", help="Of everything that is drawn. Default: 0.", rich_help_panel=BATCH),
-    ] = None,
+    watching: Watching,
     episode: Annotated[
         int | None,
         typer.Option(
@@ -107,118 +108,98 @@ def simulate(
             rich_help_panel=BATCH,
         ),
     ] = None,
-    jobs: options.Jobs = None,
-    backend: options.Backend = "processes",
-    scheduler: options.Scheduler = None,
-    min_success: Annotated[
-        float,
-        typer.Option(
-            metavar="R",
-            help="Share of successes that is enough for exit code 0.",
-            rich_help_panel=BATCH,
-        ),
-    ] = 1.0,
-    table: Annotated[
-        Path | None,
-        typer.Option(metavar="F.csv", help="Write one row per episode.", rich_help_panel=BATCH),
-    ] = None,
-    overview: Annotated[
-        Path | None,
-        typer.Option(metavar="F.png", help="Write all episodes in one picture.", rich_help_panel=BATCH),
-    ] = None,
-    colour: Annotated[
-        options.ColourBy | None,
-        typer.Option(
-            help="Colour the overview by outcome, or by the part of a combined skill that acted. Default: "
-            "outcome, but part if the parts end at different places.",
-            rich_help_panel=BATCH,
-        ),
-    ] = None,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    counting: Counting,
+    work: options.Work,
+    place: options.LockedPlace,
 ) -> None:
     """Run a skill on a simulated arm and say whether, and how well, its hand reached the target.
 
     The same command gives the same motion, bit for bit, on the same machine.
     """
-    from skillctl.usecases.scenario import scenario_of, scenario_text
-    from skillctl.usecases.simulate import simulate as simulate_skill
-    from skillctl.usecases.simulate_many import simulate_many
-    from skillctl.workers import Workers
+    from skillctl.simulation.scenario import Scenario
+    from skillctl.simulation.scenario_file import overridden, read_scenario, to_toml
 
     output: Output = context.obj
-    chosen = scenario_of(
-        scenario,
-        scene.given(
-            arm=arm,
-            tip=tip,
-            home=home,
-            start=start,
-            target=target,
-            max_speed=speed,
-            control=control,
-            max_duration=max_duration,
-            plane=plane,
-            scale=scale,
-            origin=origin,
-            hand=hand,
-            scene=standing,
-            cup=cup,
-            disturbances=scene.disturbances(push, move_target, displace),
-            noise=noise,
-            target_error=target_error,
-            episodes=episodes,
-            seed=seed,
-        ),
-    )
+    chosen = overridden(Scenario() if scenario is None else read_scenario(scenario), changes.given())
     if print_scenario:
-        output.verbatim(scenario_text(chosen))
-        raise typer.Exit(ExitCode.DONE)
+        output.verbatim(to_toml(chosen))
+        return
     if skill is None:
         raise UsageError("SKILL: is missing: say which skill shall be run.")
-    lock = options.chosen_lock(locked)
     if check:
         from skillctl.usecases.check_reach import check_reach
 
-        told = check_reach(skill, chosen, demo=demo, episode=episode, store=store, lock=lock)
+        told = check_reach(
+            skill, chosen, demo=watching.demo, episode=episode, store=place.store, lock=place.lock
+        )
         output.result(told, lambda: reach.blocks(told))
-        raise typer.Exit(ExitCode.DONE if told.reachability.reachable else ExitCode.NEGATIVE)
-    if episode is None and (chosen.episodes > 1 or episodes is not None):
-        many.refuse_for_many(demo=demo, log=log, picture=picture, video=video, gui=gui or None)
-        with output.progress("simulating") as progress:
-            batch = simulate_many(
-                skill,
-                chosen,
-                workers=Workers.chosen(jobs, backend, scheduler),
-                min_success=min_success,
-                table=table,
-                overview=overview,
-                colour_by=colour,
-                store=store,
-                lock=lock,
-                progress=progress,
-            )
-        words.explain(output, batch.notes)
-        output.result(batch, lambda: many.blocks(batch))
-        raise typer.Exit(ExitCode.DONE if batch.enough else ExitCode.NEGATIVE)
-    many.refuse_for_one(table=table, overview=overview, jobs=jobs, scheduler=scheduler)
+        done = told.reachability.reachable
+    elif episode is None and (chosen.episodes > 1 or changes.episodes is not None):
+        many.refuse_for_many(watching)
+        done = _run_many(output, skill, chosen, counting, work, place)
+    else:
+        many.refuse_for_one(counting, work)
+        done = _run_one(output, skill, chosen, episode, watching, place)
+    raise typer.Exit(ExitCode.DONE if done else ExitCode.NEGATIVE)
+
+
+def _run_many(
+    output: Output,
+    skill: str,
+    scenario: Scenario,
+    counting: Counting,
+    work: options.Work,
+    place: options.LockedPlace,
+) -> bool:
+    """Run a batch, tell about it, and return whether enough episodes succeeded."""
+    from skillctl.usecases.simulate_many import simulate_many
+
+    with output.progress("simulating") as progress:
+        report = simulate_many(
+            skill,
+            scenario,
+            workers=work.workers(),
+            min_success=counting.min_success,
+            table=counting.table,
+            overview=counting.overview,
+            colour_by=counting.colour,
+            store=place.store,
+            lock=place.lock,
+            progress=progress,
+        )
+    words.explain(output, report.notes)
+    output.result(report, lambda: many.blocks(report))
+    return report.enough
+
+
+def _run_one(
+    output: Output,
+    skill: str,
+    scenario: Scenario,
+    episode: int | None,
+    watching: Watching,
+    place: options.LockedPlace,
+) -> bool:
+    """Run one episode, tell about it, and return whether it succeeded."""
+    from skillctl.usecases.simulate import simulate as simulate_skill
+
     with output.progress("simulating") as progress:
         report = simulate_skill(
             skill,
-            chosen,
-            demo=demo,
+            scenario,
+            demo=watching.demo,
             episode=episode,
-            log=log,
-            picture=picture,
-            video=video,
-            gui=gui,
-            store=store,
-            lock=lock,
+            log=watching.log,
+            picture=watching.picture,
+            video=watching.video,
+            gui=watching.gui,
+            store=place.store,
+            lock=place.lock,
             progress=progress,
         )
     words.explain(output, report.notes)
     output.result(report, lambda: blocks(report))
-    raise typer.Exit(ExitCode.DONE if report.success else ExitCode.NEGATIVE)
+    return report.success
 
 
 def blocks(report: SimulateReport) -> list[render.Block]:

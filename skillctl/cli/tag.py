@@ -23,7 +23,8 @@ def tag(
         typer.Argument(metavar="SKILL", help="NAME (its newest version), NAME@3, NAME@ALIAS, NAME@sha256:…"),
     ],
     alias: options.Alias,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Give a version of the store a name of its own: it is then called NAME@ALIAS.
 
@@ -32,7 +33,7 @@ def tag(
     from skillctl.usecases.versions import tag as tag_version
 
     output: Output = context.obj
-    report = tag_version(skill, alias, store=store)
+    report = tag_version(skill, alias, store=place.store)
     moved = "" if report.before in (None, report.skill) else f" (it was {report.before})"
     name = report.skill.partition("@")[0]
     output.result(report, lambda: [f"{name}@{alias} is {report.skill}{moved}"])

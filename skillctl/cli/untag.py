@@ -18,11 +18,12 @@ def untag(
     context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="NAME", help="A skill of the store.")],
     alias: options.Alias,
-    store: options.Store = None,
+    *,
+    place: options.Place,
 ) -> None:
     """Remove an alias; the version that it named stays."""
     from skillctl.usecases.versions import untag as untag_version
 
     output: Output = context.obj
-    report = untag_version(name, alias, store=store)
+    report = untag_version(name, alias, store=place.store)
     output.result(report, lambda: [f"{name}@{alias} was {report.skill}, and is no more"])

@@ -24,14 +24,14 @@ def verify_signature(
     context: typer.Context,
     skill: options.Skill,
     key: Annotated[Path, typer.Option(metavar="PUBLIC.pem", help="The public key, Ed25519.")],
-    store: options.Store = None,
-    locked: options.Locked = False,
+    *,
+    place: options.LockedPlace,
 ) -> None:
     """Say whether a key has signed what a skill holds now."""
     from skillctl.usecases.sign import verify_signature as verify
 
     output: Output = context.obj
-    report = verify(skill, key, store=store, lock=options.chosen_lock(locked))
+    report = verify(skill, key, store=place.store, lock=place.lock)
     facts = (
         ("skill", report.skill),
         ("digest", report.digest),

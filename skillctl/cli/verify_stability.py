@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,6 +14,7 @@ from skillctl.cli.errors import Failure, describe
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.output import Output
 from skillctl.errors import UsageError
+from skillctl.stability.requirements import REQUIRED, Requirements
 
 if TYPE_CHECKING:
     from skillctl.usecases.verify_stability import SkillVerdict, VerifyReport
@@ -29,32 +31,14 @@ Exit codes: 0 what is required is proved of all; 1 of one it is not, or it is no
 but one is open; and before all of these, the code of the worst skill that could not be read: 8 disk,
 7 refused, 4 not found."""
 
-REQUIRED = "What has to be proved"
 REPORTS = "Reports"
 
 
 def verify_stability(
     context: typer.Context,
     skills: options.Skills,
-    require: Annotated[
-        options.Scope,
-        typer.Option(
-            help="global: from everywhere; local: at least from around every target.",
-            rich_help_panel=REQUIRED,
-        ),
-    ] = "global",
-    period: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            help="Every step of a controller with this period contracts, too.",
-            rich_help_panel=REQUIRED,
-        ),
-    ] = None,
-    min_rate: Annotated[
-        float | None,
-        typer.Option(metavar="R", help="A decay rate of at least this, in 1/s.", rich_help_panel=REQUIRED),
-    ] = None,
+    *,
+    required: Requirements,
     require_signature: Annotated[
         Path | None,
         typer.Option(
@@ -79,16 +63,13 @@ def verify_stability(
         ),
     ] = None,
     form: Annotated[
-        options.VerdictFormat,
+        Literal["text", "github"],
         typer.Option(
             "--format", help="text: a table; github: annotations of a workflow.", rich_help_panel=REPORTS
         ),
     ] = "text",
-    jobs: options.Jobs = None,
-    backend: options.Backend = "processes",
-    scheduler: options.Scheduler = None,
-    store: options.Store = None,
-    locked: options.Locked = False,
+    work: options.Work,
+    place: options.LockedPlace,
 ) -> None:
     """Prove, from the stored numbers alone, that skills reach their target from everywhere.
 
@@ -97,9 +78,7 @@ def verify_stability(
     """
     from skillctl.plotting.formats import require_few, require_picture
     from skillctl.store import read_public_key
-    from skillctl.usecases.verify_stability import Requirements
     from skillctl.usecases.verify_stability import verify_stability as verify_skills
-    from skillctl.workers import Workers
 
     output: Output = context.obj
     if output.as_json and form != "text":
@@ -109,13 +88,12 @@ def verify_stability(
     if plot is not None:
         require_picture(plot)
         require_few(len(skills))
-    lock = options.chosen_lock(locked)
     signer = None if require_signature is None else read_public_key(require_signature)
-    required = Requirements(require, period, min_rate, signer)
-    workers = Workers.chosen(jobs, backend, scheduler)
+    required = replace(required, signer=signer)
+    workers = work.workers()
     with output.progress("proving") if len(skills) > 1 else nullcontext() as progress:
         verified = verify_skills(
-            skills, store=store, lock=lock, required=required, workers=workers, progress=progress
+            skills, store=place.store, lock=place.lock, required=required, workers=workers, progress=progress
         )
     reports.write_reports(verified, files)
     if plot is not None:

@@ -13,8 +13,9 @@ from skillctl.model.skill import Skill
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
+from skillctl.simulation.options import Plane
 from skillctl.simulation.run import simulate
-from skillctl.simulation.scenario import Plane, Scenario
+from skillctl.simulation.scenario import Scenario
 from skillctl.workers import WorkerDied, Workers
 
 PATH_SPACING = 4e-3  # [m]: as fine as an overview can show

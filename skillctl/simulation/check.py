@@ -11,7 +11,8 @@ from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import RefusedError
-from skillctl.simulation.ik import HandPolicy, Kinematics
+from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.prepare import Setup, prepare
 from skillctl.simulation.scenario import Scenario
 

@@ -16,8 +16,9 @@ from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
 from skillctl.simulation.arms import ArmModel
-from skillctl.simulation.ik import ACCEPTED_RESIDUAL, HandPolicy
+from skillctl.simulation.ik import ACCEPTED_RESIDUAL
 from skillctl.simulation.motion import Plan
+from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 

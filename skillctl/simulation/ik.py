@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody, Quaternion
+from skillctl.simulation.options import HandPolicy
 
-HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
 HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
 
 DAMPING = 0.003  # per joint, fingers included: Bullet silently ignores a list of another length

@@ -18,7 +18,7 @@ from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
 from skillctl.simulation.episode import PHASES, Episode
-from skillctl.simulation.scenario import Plane
+from skillctl.simulation.options import Plane
 from skillctl.simulation.stage import Stage
 
 ColourBy: TypeAlias = Literal["outcome", "part"]

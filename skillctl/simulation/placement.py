@@ -12,7 +12,8 @@ from skillctl.geometry import box
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill, contraction_period
 from skillctl.simulation.arms import ArmModel
-from skillctl.simulation.scenario import Plane, Scenario
+from skillctl.simulation.options import Plane
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import board_height, cup_middle
 
 PLACED_SIZE = 0.3  # [m], longest side of a motion that had to be scaled

@@ -15,8 +15,9 @@ from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError
 from skillctl.simulation.grasp import require_gripper
-from skillctl.simulation.ik import HandPolicy, Kinematics, Solution
+from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.motion import Plan, plan_motion
+from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import board_height, cup_middle

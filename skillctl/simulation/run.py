@@ -19,9 +19,10 @@ from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
+from skillctl.simulation.options import Control
 from skillctl.simulation.position import PositionArm
 from skillctl.simulation.prepare import Setup, prepare
-from skillctl.simulation.scenario import Control, MoveTarget, Scenario
+from skillctl.simulation.scenario import MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.series import Recorder
 from skillctl.simulation.torque import TorqueArm

@@ -27,23 +27,15 @@ radians; positions are in the workspace frame, in which the arm's base stands at
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.ik import HAND_PITCH, HandPolicy
-from skillctl.simulation.scenario_errors import in_words
+from skillctl.simulation.options import Board, Control, HandPolicy, Plane
+from skillctl.toml_files import complaint
 
-Plane: TypeAlias = Literal["xy", "xz", "yz"]
-Board: TypeAlias = Literal["top", "bottom"]
-Control: TypeAlias = Literal["position", "torque"]
-
-PLANES: tuple[Plane, ...] = get_args(Plane)
-HANDS: tuple[HandPolicy, ...] = tuple(HAND_PITCH)
-CONTROLS: tuple[Control, ...] = get_args(Control)
-SCENES: tuple[str, ...] = ("none", "table", "shelf")
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
 # Strict: 0.3 and 1 are numbers, "0.3" and true are not.
@@ -304,7 +296,7 @@ class Scenario(Part):
             try:
                 super().__init__(**values)
             except ValidationError as error:
-                raise UsageError(in_words(error, KEYS)) from error
+                raise UsageError(complaint(error.errors(include_url=False), KEYS)) from error
 
     @model_validator(mode="before")
     @classmethod

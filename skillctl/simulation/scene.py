@@ -8,7 +8,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.simulation.arm import ArmBody
-from skillctl.simulation.scenario import Board, Cup, Scenario, Shelf, Table
+from skillctl.simulation.options import Board
+from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 
 PANEL_GAP = 0.01  # [m] between a shelf's boards and the panel behind them
 SHELF_ROOM = 0.35  # [m]: panel and walls rise so far above the upper board

@@ -77,7 +77,7 @@ def learn_many(
     """
     listed = read_manifest(Path(manifest))
     # Found here, whatever the surroundings of workers say; files need none.
-    place = locate_store(store) if any(entry.name for entry in listed.skills) else None
+    place = locate_store(store) if any(entry.result.name for entry in listed.skills) else None
     asked = [_request(listed, number, place, force) for number in range(len(listed.skills))]
     requests = {number: each for number, each in enumerate(asked) if isinstance(each, LearnRequest)}
     outcomes = {

@@ -21,35 +21,25 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import UnionType
+from typing import Annotated, Any, Literal, Optional, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
-from skillctl.learning.options import LearnOptions, Metric, Objective, Preset
-from skillctl.toml_files import read_toml
+from skillctl.learning.options import LearnOptions
+from skillctl.options import Declared, options_of
+from skillctl.toml_files import complaint, read_toml
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.learn import LearnRequest
-from skillctl.usecases.ranges import read_ranges
+from skillctl.usecases.options import Result, Validation
 
 HINT = "`skillctl learn --help` says what each option means; skillctl/docs/pipelines.md shows a manifest."
-# What pydantic says in a programmer's words, and how it is said here; in this order.
-REWORDED = {
-    "Input should be": "must be",
-    "Tuple should": "must",
-    "Value should": "must",
-    "String should": "must",
-    " after validation": "",
-    "a valid tuple": "a list",
-    "a valid integer": "a whole number",
-    "a valid number": "a number",
-    "a valid string": "a text",
-    "a valid boolean": "true or false",
-    "a valid dictionary or instance of SkillEntry": "a table [[skills]]",
-    "a valid dictionary or instance of Choices": "a table [options]",
-}
+ROOMS = (Reading, LearnOptions, Validation)  # may be chosen for all skills, and for each
+OF_EACH = frozenset(each.key for each in options_of(Result))
 
 
 def _as_list(value: Any) -> Any:
@@ -57,113 +47,79 @@ def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
-def _as_words(value: Any) -> Any:
-    """Let a text stand for a list as on the command line: ``"x,y,z"``."""
-    return [word.strip() for word in value.split(",")] if isinstance(value, str) else value
-
-
-def _as_indices(value: Any) -> Any:
-    """Let a text stand for a list as on the command line: ``"0,2,5-9"``."""
-    return read_ranges(value) if isinstance(value, str) else value
-
-
-def _as_components(value: Any) -> Any:
-    if value == "auto" or type(value) is int:
-        return value
-    raise ValueError(f"must be a whole number or 'auto', got {printable(repr(value))[:80]}.")
-
-
 Text = Annotated[str, Field(strict=True, min_length=1)]
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Index = Annotated[int, Field(strict=True, ge=0)]
+Data = Annotated[tuple[Text, ...], BeforeValidator(_as_list), Field(min_length=1)]
+STRICT: dict[Any, Any] = {
+    str: Text,
+    Path: Text,
+    float: Annotated[float, Field(strict=True, allow_inf_nan=False)],
+    int: Annotated[int, Field(strict=True)],
+    bool: Annotated[bool, Field(strict=True)],
+}
 
 
-class Choices(BaseModel):
-    """What may be chosen for all skills of a manifest, and for each; nothing that is left out."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, alias_generator=lambda name: name.replace("_", "-")
-    )
-
-    input_format: Literal["csv", "tum", "npz", "robomimic", "lasa", "lpvds"] | None = None
-    columns: Annotated[tuple[Text, ...], BeforeValidator(_as_words)] | None = None
-    dt: Number | None = None
-    units: Literal["m", "mm", "rad"] | None = None
-    scale: Number = 1.0
-    demos: Annotated[tuple[Index, ...], BeforeValidator(_as_indices)] | None = None
-    frame: Text = "base"
-    objective: Objective = "reproduction"
-    metric: Metric = "learned"
-    components: Annotated[int | Literal["auto"], BeforeValidator(_as_components)] | None = None
-    preset: Preset = "default"
-    seed: Annotated[int, Field(strict=True)] = 0
-    slowest_rate: Number = 0.03
-    period: Number = 0.01
-    validate_: Annotated[bool, Field(strict=True, alias="validate")] = False
-
-    @property
-    def reading(self) -> Reading:
-        """How the files are read."""
-        return Reading(
-            self.input_format, self.columns, self.dt, self.units, self.scale, self.demos, self.frame
-        )
-
-    @property
-    def learning(self) -> LearnOptions:
-        """How it is learned.
-
-        Raises:
-            UsageError: A value outside its range.
-        """
-        return LearnOptions(
-            self.objective,
-            self.metric,
-            self.components,
-            self.preset,
-            self.seed,
-            self.slowest_rate,
-            self.period,
-        )
+def _table(name: str, kinds: tuple[Any, ...], **more: Any) -> type[BaseModel]:
+    """Return what checks the keys of a table: the options of these dataclasses, each by its long name."""
+    fields: dict[str, Any] = {
+        f"{each.field}_": (
+            _checked(each),
+            Field(each.default, alias=each.key),
+        )  # some are names of pydantic's
+        for kind in kinds
+        for each in options_of(kind)
+    }
+    return create_model(name, __config__=ConfigDict(extra="forbid"), **fields, **more)
 
 
-class SkillEntry(Choices):
-    """One skill of a manifest."""
+def _checked(declared: Declared) -> Any:
+    """Return the type of a value as TOML has it; a text may stand for a list, as on the command line."""
+    kind = Optional[Literal[declared.choices]] if declared.choices else _strict(declared.kind)  # noqa: UP045
+    read = declared.option.read
+    if read is None:
+        return kind
+    return Annotated[kind, BeforeValidator(lambda value: read(value) if isinstance(value, str) else value)]
 
-    data: Annotated[tuple[Text, ...], BeforeValidator(_as_list), Field(min_length=1)]
-    name: Text | None = None
-    output: Text | None = None
-    message: Text | None = None
-    plot: Text | None = None
 
-    @model_validator(mode="after")
-    def _makes_sense(self) -> SkillEntry:
-        if (self.name is None) == (self.output is None):
-            raise ValueError("must have a name for the store, or an output file, and not both.")
-        try:
-            _ = self.learning
-        except UsageError as error:
-            raise ValueError(str(error)) from None
-        return self
+def _strict(kind: Any) -> Any:
+    """Return a type that takes no text for a number, and nothing else for what it is not."""
+    if get_origin(kind) is tuple:
+        return tuple.__class_getitem__((_strict(get_args(kind)[0]), ...))
+    if get_origin(kind) in (Union, UnionType):
+        return Union.__getitem__(tuple(map(_strict, get_args(kind))))
+    return STRICT.get(kind, kind)
+
+
+Choices = _table("Choices", ROOMS)
+Skill = _table("Skill", (Result, *ROOMS), data=(Data, ...))
+
+
+@dataclass(frozen=True)
+class SkillEntry:
+    """One skill of a manifest.
+
+    Attributes:
+        data: Files and patterns.
+        result: Where the skill goes, and what is written with it; paths as the manifest has them.
+        reading: How the files are read.
+        learning: How it is learned.
+        validation: Whether it is also judged by what it was not shown.
+    """
+
+    data: tuple[str, ...]
+    result: Result
+    reading: Reading
+    learning: LearnOptions
+    validation: Validation
 
     @property
     def called(self) -> str:
         """How the skill is told from others in reports."""
-        return self.name or self.output or ""
+        return self.result.name or str(self.result.output or "")
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    skills: Annotated[tuple[SkillEntry, ...], Field(min_length=1)]
-
-
-OF_EACH = frozenset(SkillEntry.model_fields) - frozenset(Choices.model_fields)
-
-
-class Manifest(BaseModel):
+@dataclass(frozen=True)
+class Manifest:
     """Skills to be learned, and the file that says so."""
-
-    model_config = ConfigDict(frozen=True)
 
     path: Path
     skills: tuple[SkillEntry, ...]
@@ -176,15 +132,16 @@ class Manifest(BaseModel):
             UsageError: No skill can be called so.
         """
         folder = self.path.parent
-        output = None if entry.output is None else folder / entry.output
+        result = entry.result
+        output = None if result.output is None else folder / result.output
         return LearnRequest(
             paths=tuple(path for pattern in entry.data for path in self._files(pattern)),
-            destination=Destination.at(output, entry.name, store, entry.message),
+            destination=Destination.at(output, result.name, store, result.message),
             options=entry.learning,
             reading=entry.reading,
-            validated=entry.validate_,
+            validated=entry.validation.validate,
             force=force,
-            plot=None if entry.plot is None else folder / entry.plot,
+            plot=None if result.plot is None else folder / result.plot,
         )
 
     def _files(self, pattern: str) -> list[Path]:
@@ -210,25 +167,60 @@ def read_manifest(path: Path) -> Manifest:
             key, and says what was expected.
     """
     document = read_toml(path, "manifest", HINT)
-    common = document.pop("options", {})
     try:
-        Choices.model_validate(common)
-    except ValidationError as error:
-        raise InputDataError(f"{path}: options: {_in_words(error, Choices)}", hint=HINT) from None
-    skills = document.get("skills")
-    if isinstance(skills, list):
-        document["skills"] = [{**common, **each} if isinstance(each, dict) else each for each in skills]
-    try:
-        entries = _Document.model_validate(document).skills
-    except ValidationError as error:
-        raise InputDataError(f"{path}: {_in_words(error, SkillEntry)}", hint=HINT) from None
+        entries = _entries(document)
+    except ValueError as error:
+        raise InputDataError(printable(f"{path}: {error}"), hint=HINT) from None
     _require_own_places(path, entries)
     return Manifest(path=path, skills=entries)
 
 
+def _entries(document: dict[str, Any]) -> tuple[SkillEntry, ...]:
+    """Return the skills of a manifest, or raise ValueError."""
+    common, tables = document.pop("options", {}), document.pop("skills", None)
+    for key in document:
+        raise ValueError(f"{key}: there is no such key. {did_you_mean(key, ('options', 'skills'))}".rstrip())
+    if not isinstance(common, dict):
+        raise ValueError(f"options: must be a table [options], got {common!r}.")
+    for key in common:
+        if key in OF_EACH:
+            raise ValueError(f"options: {key}: stands in [[skills]], for each by itself.")
+    _checked_by(Choices, common, "options: ")
+    if tables is None:
+        raise ValueError("skills: is missing.")
+    if not isinstance(tables, list) or not tables:
+        raise ValueError(f"skills: must be a list of tables [[skills]], got {tables!r}.")
+    return tuple(_entry(table, common, f"skill {number}: ") for number, table in enumerate(tables, start=1))
+
+
+def _entry(table: Any, common: dict[str, Any], where: str) -> SkillEntry:
+    if not isinstance(table, dict):
+        raise ValueError(f"{where}must be a table [[skills]], got {table!r}.")
+    values = _checked_by(Skill, {**common, **table}, where)
+    if (values["name"] is None) == (values["output"] is None):
+        raise ValueError(f"{where}must have a name for the store, or an output file, and not both.")
+
+    def made(kind: Any) -> Any:
+        return kind(**{each.field: values[each.key] for each in options_of(kind)})
+
+    try:
+        return SkillEntry(values["data"], made(Result), made(Reading), made(LearnOptions), made(Validation))
+    except UsageError as error:
+        raise ValueError(f"{where}{error}") from None
+
+
+def _checked_by(kind: type[BaseModel], table: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return the values of a table by their keys, defaults among them; or raise ValueError."""
+    try:
+        return kind.model_validate(table).model_dump(by_alias=True)
+    except ValidationError as error:
+        keys = {field.alias or name for name, field in kind.model_fields.items()}
+        raise ValueError(f"{where}{complaint(error.errors(include_url=False), keys)}") from None
+
+
 def _require_own_places(path: Path, entries: tuple[SkillEntry, ...]) -> None:
     for key in ("name", "output", "plot"):
-        given = (value for each in entries if (value := getattr(each, key)) is not None)
+        given = (value for each in entries if (value := getattr(each.result, key)) is not None)
         places = Counter(map(os.path.normpath, given))
         for place, count in places.items():
             if count > 1:
@@ -236,32 +228,3 @@ def _require_own_places(path: Path, entries: tuple[SkillEntry, ...]) -> None:
                     printable(f"{path}: {key}: {place!r} is given to {count} skills; each needs its own."),
                     hint="Put all data of one skill in one list.",
                 )
-
-
-def _in_words(error: ValidationError, kind: type[Choices]) -> str:
-    """Return the first thing that is wrong: which skill, which key, what was expected, what it is."""
-    first = error.errors(include_url=False)[0]
-    steps = list(first["loc"])
-    where = ""
-    if steps[:1] == ["skills"] and len(steps) > 1:
-        where = f"skill {int(steps[1]) + 1}: "  # counted as people count the tables
-        del steps[:2]
-    names = {field.alias or name for name, field in kind.model_fields.items()}
-    key = str(steps[0]) if steps else ""
-    number = f"number {int(steps[1]) + 1} " if len(steps) > 1 and isinstance(steps[1], int) else ""
-    said = f"{where}{key}: {number}" if key else where
-    match first["type"]:
-        case "value_error":
-            return printable(f"{said}{first['ctx']['error']}")
-        case "missing":
-            return printable(f"{said}is missing.")
-        case "extra_forbidden":
-            if kind is Choices and key in OF_EACH:
-                return f"{said}stands in [[skills]], for each by itself."
-            meant = did_you_mean(key.replace("_", "-"), sorted(names))
-            return printable(f"{said}there is no such key. {meant}").rstrip()
-    expected = first["msg"]
-    for pydantic, ours in REWORDED.items():
-        expected = expected.replace(pydantic, ours)
-    given = "" if isinstance(first["input"], dict) else f", got {printable(repr(first['input']))[:80]}"
-    return printable(f"{said}{expected}{given}.")

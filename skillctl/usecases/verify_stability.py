@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from skillctl.errors import SkillctlError, StoreError, UsageError
+from skillctl.errors import SkillctlError, StoreError
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
-from skillctl.stability.report import Certificate, at_least
+from skillctl.stability.report import Certificate
+from skillctl.stability.requirements import Requirements
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
 from skillctl.store.source import open_skill
@@ -21,52 +21,6 @@ from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
-
-
-@dataclass(frozen=True)
-class Requirements:
-    """What has to be proved.
-
-    Attributes:
-        scope: ``global``: convergence from everywhere; ``local``: at least from around every attractor.
-        period: Every step of a controller with this period must contract, too, [s]; None asks for none.
-        min_rate: The decay rate must be at least this, [1/s]; None asks for any.
-        signer: Public key (``ed25519:…``) that must have signed the skill; None asks for no signature.
-    """
-
-    scope: Literal["global", "local"] = "global"
-    period: float | None = None
-    min_rate: float | None = None
-    signer: str | None = None
-
-    def __post_init__(self) -> None:
-        for name, value, unit in (("period", self.period, "seconds"), ("min-rate", self.min_rate, "1/s")):
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise UsageError(f"{name}: must be a positive number of {unit}, got {value:g}.")
-
-    def reached_by(self, certificate: Certificate) -> bool:
-        """Return whether a certificate is proved of as many motions as is required."""
-        return certificate.scope in ("global", self.scope)
-
-    def unmet_by(self, certificate: Certificate) -> tuple[str, ...]:
-        """Return what a certificate does not prove of what is required, in sentences."""
-        if not self.reached_by(certificate):
-            return (f"Required is a {self.scope} proof; proved is {certificate.scope}.",)
-        sentences = []
-        if self.period is not None and (certificate.period is None or certificate.period < self.period):
-            sentences.append(
-                f"Required is a controller period of {self.period:g} s; proved is "
-                f"{_told(certificate.period)} s."
-            )
-        if self.min_rate is not None and (certificate.rate is None or certificate.rate < self.min_rate):
-            sentences.append(
-                f"Required is a decay rate of {self.min_rate:g} 1/s; proved is {_told(certificate.rate)} 1/s."
-            )
-        return tuple(sentences)
-
-
-def _told(value: float | None) -> str:
-    return "none" if value is None else at_least(value)
 
 
 @dataclass(frozen=True)

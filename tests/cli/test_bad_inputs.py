@@ -78,7 +78,7 @@ HELD_BY = {
     "HDF5 that hangs the library": (
         "demonstrations/test_robomimic.py::test_a_file_that_libhdf5_never_finishes_is_given_up"
     ),
-    "parsers that crash": "demonstrations/test_child.py::test_whatever_a_parser_does_ends_in_a_sentence",
+    "parsers that crash": "demonstrations/test_files.py::test_whatever_a_parser_does_ends_in_a_sentence",
     "a file swapped while it is read": (
         "store/test_damage.py::test_a_file_swapped_after_it_was_opened_changes_nothing"
     ),

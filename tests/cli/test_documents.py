@@ -18,7 +18,8 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from skillctl.cli.app import COMMANDS
-from skillctl.cli.documents import OUTPUTS, Catalogue, described_attributes, schema_of_output
+from skillctl.cli.documents import OUTPUTS, schema_of_output
+from skillctl.cli.schemas import described_attributes, schemas_of
 from skillctl.usecases.files import load, save
 
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
@@ -213,8 +214,11 @@ def test_attributes_of_docstrings_are_read():
 
 
 def test_a_type_without_json_is_not_guessed_at():
-    with pytest.raises(TypeError, match="object"):
-        Catalogue().schema_of(object)
+    class Unknown:
+        pass
+
+    with pytest.raises(TypeError, match="Unknown"):
+        schemas_of([Unknown])
 
 
 def test_an_unknown_output_is_refused_with_the_nearest(run):

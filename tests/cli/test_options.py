@@ -1,65 +1,80 @@
-"""Options that are written on one line, and the choices that the rooms define."""
+"""Options that are written on one line, and what the rooms declare against what they check."""
 
 from __future__ import annotations
 
-from typing import get_args, get_type_hints
+from typing import get_args
 
 import pytest
 import typer
 
-from skillctl.adapt.options import FIT_LEVELS
-from skillctl.cli import options, scene
-from skillctl.demonstrations.formats import FORMATS
+from skillctl.cli.app import load_command
+from skillctl.cli.parameters import parser
+from skillctl.compose.options import CombineOptions, MergeOptions
+from skillctl.demonstrations import options as reading
 from skillctl.demonstrations.recording import Unit
-from skillctl.learning.options import METRICS, OBJECTIVES, PRESETS
-from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
-from skillctl.simulation.arms import ARMS
-from skillctl.simulation.scenario import CONTROLS, HANDS, PLANES, SCENES
-from skillctl.usecases.verify_stability import Requirements
+from skillctl.learning.options import LearnOptions, read_components
+from skillctl.options import options_of, read_numbers, read_ranges, read_words
+from skillctl.simulation.ik import HAND_PITCH
+from skillctl.simulation.options import ScenarioOptions, read_cup, read_push, read_start, read_target
+from skillctl.simulation.scenario import Scenario
+
+
+def declared(kind, field):
+    """Return how a field is offered."""
+    (found,) = [each for each in options_of(kind) if each.field == field]
+    return found
 
 
 @pytest.mark.parametrize(
-    ("spelt", "defined"),
+    ("kind", "field", "defined"),
     [
-        (options.InputFormat, [form.name for form in FORMATS]),
-        (options.Units, get_args(Unit)),
-        (options.Objective, OBJECTIVES),
-        (options.Metric, METRICS),
-        (options.Preset, PRESETS),
-        (options.MergeGate, tuple(gate.name for gate in MERGE_GATES)),
-        (options.CombineGate, tuple(gate.name for gate in COMBINE_GATES)),
-        (options.FitLevel, FIT_LEVELS),
-        (options.Scope, get_args(get_type_hints(Requirements)["scope"])),
-        (options.Plane, PLANES),
-        (options.Hand, HANDS),
-        (scene.SceneKind, SCENES),
-        (scene.Control, CONTROLS),
+        (reading.Reading, "units", get_args(Unit)),
+        (ScenarioOptions, "hand", HAND_PITCH),
     ],
 )
-def test_the_choices_are_those_of_the_rooms(spelt, defined):
-    assert set(get_args(spelt)) == set(defined)
+def test_the_choices_are_those_of_the_rooms(kind, field, defined):
+    assert set(declared(kind, field).choices) == set(defined)
 
 
-def test_the_arms_offered_are_those_there_are():
-    assert tuple(ARMS) == options.ARMS
+def test_what_can_be_typed_about_a_scenario_is_in_scenarios():
+    fields = {each.field for each in options_of(ScenarioOptions)}
+    assert fields - set(Scenario.model_fields) == {"push", "move_target", "displace"}  # disturbances
+
+
+@pytest.mark.parametrize(
+    ("command", "kinds"),
+    [
+        ("learn", [LearnOptions, reading.Reading]),
+        ("merge", [MergeOptions, reading.Reading]),
+        ("combine", [CombineOptions]),
+    ],
+)
+def test_commands_have_the_options_and_defaults_of_the_rooms(command, kinds):
+    parameters = {parameter.opts[0]: parameter for parameter in load_command(command).params}
+    for each in (each for kind in kinds for each in options_of(kind)):
+        for one in each.option.named:
+            assert parameters[f"--{one.name}"].default == one.default
+        if not each.option.named:
+            assert parameters[f"--{each.key}"].default == each.default
 
 
 @pytest.mark.parametrize(
     ("read", "text", "value"),
     [
-        (options.read_numbers, "1,-2.5, 3e-1", (1.0, -2.5, 0.3)),
-        (options.read_numbers, "7", (7.0,)),
-        (options.read_words, "hand_x, hand_y", ("hand_x", "hand_y")),
-        (options.read_indices, "0,2,5-7", (0, 2, 5, 6, 7)),
-        (options.read_indices, "3-3", (3,)),
-        (options.read_components, "auto", "auto"),
-        (options.read_components, "4", 4),
-        (scene.read_start, "home", "home"),
-        (scene.read_start, "0,1", (0.0, 1.0)),
-        (scene.read_target, "cup", "cup"),
-        (scene.read_target, "0,1", (0.0, 1.0)),
-        (scene.read_cup, "0.6,-0.1", (0.6, -0.1, "")),
-        (scene.read_cup, "0.6,-0.1,bottom", (0.6, -0.1, "bottom")),
+        (read_numbers, "1,-2.5, 3e-1", (1.0, -2.5, 0.3)),
+        (read_numbers, "7", (7.0,)),
+        (read_words, "hand_x, hand_y", ("hand_x", "hand_y")),
+        (read_ranges, "0,2,5-7", (0, 2, 5, 6, 7)),
+        (read_ranges, "3-3", (3,)),
+        (read_components, "auto", "auto"),
+        (read_components, "4", 4),
+        (read_start, "home", "home"),
+        (read_start, "0,1", (0.0, 1.0)),
+        (read_target, "cup", "cup"),
+        (read_target, "0,1", (0.0, 1.0)),
+        (read_cup, "0.6,-0.1", {"position": (0.6, -0.1)}),
+        (read_cup, "0.6,-0.1,bottom", {"position": (0.6, -0.1), "board": "bottom"}),
+        (read_push, "1,0.2,0,0,9", {"kind": "push", "time": 1.0, "duration": 0.2, "force": [0.0, 0.0, 9.0]}),
     ],
 )
 def test_lists_are_read(read, text, value):
@@ -69,22 +84,23 @@ def test_lists_are_read(read, text, value):
 @pytest.mark.parametrize(
     ("read", "text"),
     [
-        (options.read_numbers, ""),
-        (options.read_numbers, "1,,2"),
-        (options.read_numbers, "1;2"),
-        (options.read_words, "x,"),
-        (options.read_indices, "-1"),
-        (options.read_indices, "3-1"),
-        (options.read_indices, "a"),
-        (options.read_indices, "1-2-3"),
-        (options.read_components, "some"),
-        (scene.read_start, "here"),
-        (scene.read_target, "cop"),
-        (scene.read_cup, "0.6"),
-        (scene.read_cup, "0.6,0,middle"),
-        (scene.read_cup, "0.6,0,0.7"),
+        (read_numbers, ""),
+        (read_numbers, "1,,2"),
+        (read_numbers, "1;2"),
+        (read_words, "x,"),
+        (read_ranges, "-1"),
+        (read_ranges, "3-1"),
+        (read_ranges, "a"),
+        (read_ranges, "1-2-3"),
+        (read_components, "some"),
+        (read_start, "here"),
+        (read_target, "cop"),
+        (read_cup, "0.6"),
+        (read_cup, "0.6,0,middle"),
+        (read_cup, "0.6,0,0.7"),
+        (read_push, "1,0.2,0,0"),
     ],
 )
 def test_what_is_no_list_is_refused(read, text):
     with pytest.raises(typer.BadParameter):
-        read(text)
+        parser(read)(text)

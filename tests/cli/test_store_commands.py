@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from skillctl import store
+from skillctl.store.seal import FORMAT_VERSION
 from skillctl.usecases.files import load, save
 
 
@@ -74,7 +75,7 @@ def test_check_finds_what_was_sealed_but_is_no_valid_skill(run, shelf):
         body["model/priors"][0] = np.nan
     body = file.getvalue()[512:]
     digest = store.read_header(path).digest
-    lines = f"1 {len(body)} {hashlib.sha256(body).hexdigest()}\nseds {digest}\n".encode()
+    lines = f"{FORMAT_VERSION} {len(body)} {hashlib.sha256(body).hexdigest()}\nseds {digest}\n".encode()
     path.chmod(0o644)
     path.write_bytes((good[:10] + lines).ljust(512, b"\0") + body)
     assert run("ls", "curve", "--store", shelf.root).exit_code == 0  # it says nothing of what it did not read

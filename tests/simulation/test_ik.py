@@ -11,8 +11,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.ik import ACCEPTED_JUMP, POSE_ANGLE, POSE_POSITION, Kinematics
-from skillctl.simulation.scenario import HANDS
+from skillctl.simulation.ik import ACCEPTED_JUMP, HAND_PITCH, POSE_ANGLE, POSE_POSITION, Kinematics
 
 SINGLE = 1e-6  # [m]: URDF numbers carry six digits
 URDF_ANGLE = 1e-3  # [rad]: but its right angles only three
@@ -73,7 +72,7 @@ def approach_axis(point: Sequence[float]) -> list[float]:
     return [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
 
 
-@pytest.fixture(params=list(itertools.product(ARMS, HANDS)), ids=lambda pair: "-".join(pair))
+@pytest.fixture(params=list(itertools.product(ARMS, HAND_PITCH)), ids=lambda pair: "-".join(pair))
 def kinematics(request: pytest.FixtureRequest) -> Iterator[Kinematics]:
     arm, hand = request.param
     with ArmBody(ARMS[arm], 0.0) as body:

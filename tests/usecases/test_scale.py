@@ -15,11 +15,13 @@ from pathlib import Path
 
 import pytest
 
+from skillctl.demonstrations.options import Reading
 from skillctl.errors import InputDataError, NotFoundError, StoreError, UsageError
 from skillctl.learning.options import LearnOptions
+from skillctl.usecases import manifest
 from skillctl.usecases.learn import learn
 from skillctl.usecases.learn_many import learn_many
-from skillctl.usecases.manifest import SkillEntry, read_manifest
+from skillctl.usecases.manifest import read_manifest
 from skillctl.usecases.verify_stability import verify_stability
 from skillctl.workers import WorkerDied, Workers
 
@@ -272,14 +274,14 @@ def test_files_are_relative_to_the_manifest(project: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("skills = 3", "skills: must be a list, got 3."),
-        ("skills = []", "skills: must have at least 1 item, not 0, got []."),
+        ("skills = 3", "skills: must be a list of tables [[skills]], got 3."),
+        ("skills = []", "skills: must be a list of tables [[skills]], got []."),
         ("[skills", "is not TOML"),
         ("", "skills: is missing."),
         ("options = 3\n[[skills]]\nname='a'\ndata='x'", "options: must be a table [options], got 3."),
         ("[options]\nname = 'a'\n[[skills]]\ndata='x'", "options: name: stands in [[skills]]"),
         ("[[skills]]\nname='a'", "skill 1: data: is missing."),
-        ("[[skills]]\nname='a'\ndata=[]", "skill 1: data: must have at least 1 item, not 0, got []."),
+        ("[[skills]]\nname='a'\ndata=[]", "skill 1: data: must not be empty, got []."),
         ("[[skills]]\nname='a'\ndata=['x', 3]", "skill 1: data: number 2 must be a text, got 3."),
         ("[[skills]]\ndata='x'", "skill 1: must have a name for the store, or an output file"),
         ("[[skills]]\ndata='x'\nname='a'\noutput='b.h5'", "skill 1: must have a name for the store"),
@@ -310,8 +312,8 @@ def test_a_manifest_that_means_nothing_is_refused_before_anything_is_learned(
     assert refusal.value.hint
 
 
-def test_a_manifest_knows_the_options_of_learn_and_their_defaults() -> None:
-    """Whoever adds an option to the command adds it to manifests, too."""
+def test_a_manifest_knows_the_options_of_learn_and_their_defaults(tmp_path: Path) -> None:
+    """What a command takes and a manifest does not is about one run, and not about one skill."""
     from skillctl.cli.app import load_command
     from skillctl.cli.learn_batch import FOR_ALL
 
@@ -321,13 +323,11 @@ def test_a_manifest_knows_the_options_of_learn_and_their_defaults() -> None:
         for parameter in load_command("learn").params
         if parameter.expose_value and parameter.opts[0].startswith("--") and parameter.name not in FOR_ALL
     }
-    keys = {field.alias: field for field in SkillEntry.model_fields.values()}
-    assert set(options) - per_run == set(keys) - {"data"}
-    entry = SkillEntry.model_validate({"data": ["x"], "name": "a"})
-    assert entry.learning == LearnOptions()
-    for name, parameter in options.items():
-        if name in keys and name != "name":
-            assert parameter.default == keys[name].default, name
+    keys = {field.alias or name for name, field in manifest.Skill.model_fields.items()}
+    assert set(options) - per_run == keys - {"data"}
+    (file := tmp_path / "m.toml").write_text("[[skills]]\ndata = 'x'\nname = 'a'\n")
+    (entry,) = read_manifest(file).skills
+    assert (entry.learning, entry.reading) == (LearnOptions(), Reading())
 
 
 def test_ctrl_c_leaves_no_process_and_no_half_file(project: Path) -> None:

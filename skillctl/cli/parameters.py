@@ -1,0 +1,114 @@
+"""From the options that the rooms declare to those that the command line takes."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Annotated, Any, Literal, Optional, get_args, get_origin
+
+import typer
+
+from skillctl.options import Declared, Option, options_of
+
+
+def expanded(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command in which dataclasses of options have become these options, one each.
+
+    A parameter ``reading: Reading`` becomes ``--columns``, ``--dt`` and so on, and the command is called with
+    the ``Reading`` that they make. ``Annotated[Reading, "Fitting to a task"]`` shows them under that heading.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    parameters: list[inspect.Parameter] = []
+    records: dict[str, Any] = {}
+    for parameter in signature.parameters.values():
+        kind, heading = _unwrapped(parameter.annotation)
+        if hasattr(kind, "__dataclass_fields__"):
+            records[parameter.name] = kind
+            parameters += [p for each in options_of(kind) for p in _parameters(each, heading)]
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+
+    def call(**values: Any) -> None:
+        made = {name: _made(kind, values) for name, kind in records.items()}
+        command(**values, **made)
+
+    call.__doc__ = command.__doc__
+    call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return call
+
+
+def _unwrapped(annotation: Any) -> tuple[Any, str | None]:
+    """Return a type, and the heading that is given with it."""
+    if get_origin(annotation) is Annotated:
+        kind, *more = get_args(annotation)
+        if isinstance(more[0], str):
+            return kind, more[0]
+    return annotation, None
+
+
+def _made(kind: Any, values: dict[str, Any]) -> Any:
+    """Return an instance of a dataclass, and take what it is made of out of the values."""
+    fields: dict[str, Any] = {}
+    for each in options_of(kind):
+        if each.option.named:
+            given = {one.name: (values.pop(one.name), one.default) for one in each.option.named}
+            fields[each.field] = {name: value for name, (value, default) in given.items() if value != default}
+            continue
+        value = values.pop(each.field)
+        fields[each.field] = tuple(value or ()) if each.option.repeated else value
+    return kind(**fields)
+
+
+def _parameters(declared: Declared, heading: str | None) -> Iterable[inspect.Parameter]:
+    """Yield what Typer makes one option of, or several for one that is several numbers by name."""
+    option = replace(declared.option, group=heading or declared.option.group)
+    if not option.named:
+        default = None if option.repeated else declared.default
+        yield _parameter(declared.field, declared.key, _kind(declared), default, option)
+    for one in option.named:
+        shown = replace(option, help=one.help, metavar=one.name[:1].upper())
+        yield _parameter(one.name, one.name.replace("_", "-"), float, one.default, shown)
+
+
+def _parameter(name: str, key: str, kind: Any, default: Any, option: Option) -> inspect.Parameter:
+    info = typer.Option(
+        f"--{key}",
+        *filter(None, [option.short]),
+        metavar=option.metavar,
+        help=option.help,
+        parser=None if option.read is None else parser(option.read),
+        envvar=option.environment,
+        rich_help_panel=option.group,
+    )
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        annotation=Annotated[kind, info],
+        default=inspect.Parameter.empty if option.required else default,
+    )
+
+
+def _kind(declared: Declared) -> Any:
+    """Return the type that Typer is told: what is read by a function of ours can be anything."""
+    if declared.option.repeated:
+        entry: Any = Any if declared.option.read else get_args(declared.kind)[0]
+        return Optional[list.__class_getitem__(entry)]  # noqa: UP045  # made at run time
+    if declared.option.read:
+        return Any
+    if declared.choices:
+        return Optional[Literal[declared.choices]]  # noqa: UP045
+    return declared.kind
+
+
+def parser(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader whose complaint the parser takes for one about its option."""
+
+    def parse(text: str) -> Any:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    return parse

@@ -1,0 +1,192 @@
+"""What a user may choose on the command line about a simulated run; a scenario file can say more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+from skillctl.options import MOTION, changed, option, read_numbers
+from skillctl.simulation.arms import ARMS
+
+Plane: TypeAlias = Literal["xy", "xz", "yz"]
+Board: TypeAlias = Literal["top", "bottom"]
+Control: TypeAlias = Literal["position", "torque"]
+HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
+
+BOARDS: tuple[Board, ...] = get_args(Board)
+
+PLACING = "The arm, and where the skill is"
+SCENE = "Scene and cup"
+TROUBLE = "Disturbances"
+BATCH = "Many episodes"
+HOME = "home"
+
+
+def read_start(text: str) -> tuple[float, ...] | str:
+    """Read ``home``, or coordinates; or raise ValueError."""
+    return text if text == HOME else read_numbers(text)
+
+
+def read_target(text: str) -> tuple[float, ...] | str:
+    """Read ``cup``, or coordinates; or raise ValueError."""
+    return text if text == "cup" else read_numbers(text)
+
+
+def read_cup(text: str) -> dict[str, Any]:
+    """Read ``0.62,0.1``, or ``0.62,0.1,bottom``; or raise ValueError."""
+    place, comma, last = text.rpartition(",")
+    board = {"board": last.strip()} if comma and last.strip() in BOARDS else {}
+    numbers = read_numbers(place if board else text)
+    if len(numbers) != 2:
+        raise ValueError(f"{text!r} is not X,Y or X,Y,top or X,Y,bottom.")
+    return {"position": numbers, **board}
+
+
+def read_push(text: str) -> dict[str, Any]:
+    """Read ``T,DUR,FX,FY,FZ``, or raise ValueError."""
+    time, duration, *force = _numbers(text, 5)
+    return {"kind": "push", "time": time, "duration": duration, "force": force}
+
+
+def _jump(kind: str) -> Callable[[str], dict[str, Any]]:
+    """Return a reader of ``T,DX,DY,DZ``."""
+
+    def read(text: str) -> dict[str, Any]:
+        time, *offset = _numbers(text, 4)
+        return {"kind": kind, "time": time, "offset": offset}
+
+    return read
+
+
+def _titles() -> str:
+    first, *others = (arm.title for arm in ARMS.values())
+    return ", ".join([f"{first} (default)", *others])
+
+
+def _numbers(text: str, count: int) -> tuple[float, ...]:
+    numbers = read_numbers(text)
+    if len(numbers) != count:
+        raise ValueError(f"expected {count} numbers, got {len(numbers)}: {text!r}.")
+    return numbers
+
+
+@dataclass(frozen=True)
+class ScenarioOptions:
+    """What is changed of a scenario: fields of ``Scenario``; None and nothing leave them as they are."""
+
+    arm: str | None = option(
+        metavar="|".join([*ARMS, "FILE.urdf"]),
+        group=PLACING,
+        help=f"{_titles()}, or the arm in a URDF file.",
+    )
+    tip: str | None = option(
+        metavar="LINK",
+        group=PLACING,
+        help="Of an arm by file: the link that is its hand. Default: the last before it branches.",
+    )
+    home: tuple[float, ...] | None = option(
+        read=read_numbers,
+        metavar="Q1,Q2,…",
+        group=PLACING,
+        help="Of an arm by file: its ready posture, rad. Default: the middle of each joint's range.",
+    )
+    start: tuple[float, ...] | str | None = option(
+        read=read_start,
+        metavar="home|X,Y,Z",
+        group=MOTION,
+        help="Start, in the skill's coordinates. Default: home, the ready posture of the arm; before a "
+        "shelf or table a place in front of it.",
+    )
+    target: tuple[float, ...] | str | None = option(
+        read=read_target,
+        metavar="X,Y,Z|cup",
+        group=MOTION,
+        help="Where the motion shall end, in the unit of the skill; cup: in the middle of the cup.",
+    )
+    max_speed: float | None = option(
+        name="speed", metavar="M/S", group=MOTION, help="Largest speed of the hand. Default: 0.3."
+    )
+    control: Control | None = option(
+        group=MOTION,
+        help="Stiff position motors (default), or torques at 1 kHz: then the hand yields to pushes.",
+    )
+    max_duration: float | None = option(
+        metavar="S",
+        group=MOTION,
+        help="Longest simulated time. Default: from how long the skill takes.",
+    )
+    plane: Plane | None = option(group=PLACING, help="Workspace plane of a 2-D skill. Default: by its names.")
+    scale: float | None = option(
+        metavar="F",
+        group=PLACING,
+        help="Workspace metres per metre of the skill. Default: 1, or what makes a 2-D skill fit.",
+    )
+    origin: tuple[float, ...] | None = option(
+        read=read_numbers,
+        metavar="X,Y,Z",
+        group=PLACING,
+        help="Workspace position of the skill's zero. Default: the arm's base; a 2-D skill is centred "
+        "in front of the arm.",
+    )
+    hand: HandPolicy | None = option(
+        group=PLACING, help="How the hand is held. Default: the first that works."
+    )
+    scene: Literal["none", "table", "shelf"] | None = option(
+        group=SCENE, help="What stands in front of the arm. Default: none."
+    )
+    cup: dict[str, Any] | None = option(
+        read=read_cup,
+        metavar="X,Y[,top|bottom]",
+        group=SCENE,
+        help="Where the cup stands that is to be grasped, and on which board.",
+    )
+    push: tuple[dict[str, Any], ...] = option(
+        (),
+        read=read_push,
+        repeated=True,
+        metavar="T,DUR,FX,FY,FZ",
+        group=TROUBLE,
+        help="Push the hand from time T on for DUR seconds, N. May be repeated, as the next two.",
+    )
+    move_target: tuple[dict[str, Any], ...] = option(
+        (),
+        read=_jump("move-target"),
+        repeated=True,
+        metavar="T,DX,DY,DZ",
+        group=TROUBLE,
+        help="Move the target, and the cup with it, at time T.",
+    )
+    displace: tuple[dict[str, Any], ...] = option(
+        (),
+        read=_jump("displace"),
+        repeated=True,
+        metavar="T,DX,DY,DZ",
+        group=TROUBLE,
+        help="Take the hand elsewhere at time T.",
+    )
+    noise: float | None = option(
+        metavar="M",
+        group=TROUBLE,
+        help="Standard deviation of the hand's position as the skill sees it.",
+    )
+    target_error: float | None = option(
+        metavar="M",
+        group=TROUBLE,
+        help="Standard deviation of the target's, or cup's, place as it is seen.",
+    )
+    episodes: int | None = option(
+        metavar="N",
+        group=BATCH,
+        help="Run so many episodes. Unless a scenario says what differs between them: the place of the "
+        "cup, and the start, which is a demonstration's, scattered.",
+    )
+    seed: int | None = option(metavar="S", group=BATCH, help="Of everything that is drawn. Default: 0.")
+
+    def given(self) -> dict[str, Any]:
+        """Return the fields of ``Scenario`` that are given, as ``scenario_file.overridden`` takes them."""
+        values = {each.field: getattr(self, each.field) for each in changed(self)}
+        disturbances = [values.pop(name, ()) for name in ("push", "move_target", "displace")]
+        if values.get("start") == HOME:
+            values["start"] = None
+        return {**values, "disturbances": sum(disturbances, ())}
