@@ -105,15 +105,12 @@ def most_helpful(
     chosen = list(range(len(members)))
     while True:
         weights = _velocity_weights([members[i] for i in chosen], task)
-        moved = [
-            w * float(np.linalg.norm(members[i].velocity(task.states)))
-            for w, i in zip(weights, chosen, strict=True)
-        ]
-        chosen = [i for i, m in zip(chosen, moved, strict=True) if m > 0]
-        if len(chosen) <= most:
-            return tuple(chosen)
-        least = min(m for m in moved if m > 0)
-        chosen = [i for i, m in zip(chosen, (m for m in moved if m > 0), strict=True) if m > least]
+        speeds = [float(np.linalg.norm(members[i].velocity(task.states))) for i in chosen]
+        moved = {i: w * speed for i, w, speed in zip(chosen, weights, speeds, strict=True) if w * speed > 0}
+        if len(moved) <= most:
+            return tuple(moved)
+        moved.pop(min(moved, key=moved.__getitem__))  # one a turn: parts that tie must not all go at once
+        chosen = list(moved)
 
 
 def _velocity_weights(members: Sequence[ActingSkill], task: _Task) -> FloatArray:
