@@ -147,15 +147,12 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence(parts, make_skill):
         adapt([parts[0], replace(parts[1], lyapunov=2 * np.eye(2))], task)
 
 
-@pytest.mark.parametrize("most", [1, 2, 3])
+@pytest.mark.parametrize("most", [1, 2])
 def test_of_parts_that_help_alike_only_one_is_dropped_at_a_time(make_skill, most):
-    # Motions along the four diagonals, and a task along none of them that all help alike by symmetry.
-    rng = np.random.default_rng(0)
-    seed = make_skill(rng, dimension=2, n_components=1, attractor=[0.0, 0.0])
-    diagonals = [np.array([[-1.0, s], [s, -1.0]]) for s in (0.5, -0.5)]
-    parts = [replace(seed, system_matrices=matrix[None]) for matrix in (*diagonals, *diagonals)]
-    positions = np.linspace([1.0, 0.0], [0.0, 0.0], 20)
-    motion = Demonstration(np.linspace(0, 1, 20), positions, np.tile([-1.0, 0.0], (20, 1)))
+    # Each part moves along its own axis, and the task along the diagonal: all three help alike, to the bit.
+    seed = make_skill(np.random.default_rng(0), dimension=3, n_components=1, attractor=[0.0, 0.0, 0.0])
+    parts = [replace(seed, system_matrices=-np.diag(axis)[None]) for axis in np.eye(3)]
+    positions = np.linspace([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], 20)
+    motion = Demonstration(np.linspace(0, 1, 20), positions, -np.ones((20, 3)))
     helpful = most_helpful(parts, DemonstrationSet((motion,), seed.space), most)
-    assert 1 <= len(helpful) <= most
-    assert list(helpful) == sorted(helpful)
+    assert len(helpful) == most
