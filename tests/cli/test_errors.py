@@ -9,6 +9,10 @@ import sys
 
 import pytest
 
+from skillctl import errors
+from skillctl.cli.exit_codes import ExitCode
+from skillctl.store.errors import NotAnArtifactError
+
 GOOD = "t,x,y\n0,0,0\n0.1,0.1,0\n0.2,0.2,0.1\n0.3,0.3,0.1\n"
 
 BAD_TABLES = {
@@ -240,3 +244,27 @@ def test_everything_else_works_without_pybullet(library, tmp_path, arguments):
         check=False,
     )
     assert result.returncode == 0, result.stderr
+
+
+class _TwofoldError(errors.NotFoundError, OSError):
+    """An error of two kinds."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [
+        (errors.UsageError, 2),
+        (errors.NotFoundError, 4),
+        (errors.StateError, 5),
+        (errors.InvalidModelError, 5),
+        (NotAnArtifactError, 7),
+        (PermissionError, 8),
+        (_TwofoldError, 4),
+        (ZeroDivisionError, 70),
+        (KeyboardInterrupt, 130),
+        (BrokenPipeError, 141),
+        (errors.Terminated, 143),
+    ],
+)
+def test_the_nearest_class_of_an_error_decides_the_exit_code(kind, code):
+    assert ExitCode.of(kind.__new__(kind)) == code

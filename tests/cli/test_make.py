@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from skillctl import store
-from skillctl.usecases.make import dependencies
+from skillctl.usecases.target import dependencies
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
