@@ -144,4 +144,4 @@ def test_the_loop_for_a_robot_refuses_a_period_beyond_the_proof(tour):
     assert slow != loop
     refused = SCRIPT.run("python", slow, tour["folder"] / "quickstart")
     assert refused.returncode == 1
-    assert "skills/shelf/1.h5: stable, with steps of up to 0." in refused.stderr
+    assert "UsageError: period: 1 s is too long: at most 0." in refused.stderr
