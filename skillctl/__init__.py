@@ -7,19 +7,21 @@
     skill.velocity([0.42, 0.0, 0.55])  # one state (d,) or many (n, d), in metres → metres per second
 
     certificate = verify(skill)  # .verdict, .rate [1/s], .period [s]
-    controller = Controller(skill, period=0.01)  # at most certificate.period
+    controller = Controller(skill, period=0.01)  # refuses a period above the proved one
     command = controller.step([0.42, 0.0, 0.55])  # once a period: measured position → velocity to command
 
-Positions are in the unit of the skill (m, or rad for joints) and in its frame: ``skill.space`` says which.
+Positions are in the unit of the skill (m, or rad for joints) and in its frame; ``skill.space`` has both.
 
-``learn``, ``merge`` and ``combine`` do what the commands of these names do: they prove a skill, write it to a
-file (``output=``) or into the store (``name=``), and return a report; for what a skill is worth depends on
-what it was made from, and that is kept with it. ``load`` returns what moves: a skill, immutable, with
-``velocity``, ``translated``, ``leaves`` and ``space``. ``save`` writes one that was changed in Python; it has
-no proof and no history. Paths may be text. Errors are those of `skillctl.errors`, all of them
-`SkillctlError`, each with the ``hint`` that the command would print.
+``learn``, ``merge`` and ``combine`` do what the commands of these names do: they make a skill, prove it,
+write it to a file (``output=``) or into the store (``name=``) together with what it was made from, and
+return a report with ``written`` and ``certificate``. ``load`` returns the skill itself, an immutable value
+with ``velocity``, ``translated``, ``leaves`` and ``space``. ``save`` writes a skill that was changed in
+Python, without a proof and without a history. A path may be given as text; a ``Path`` is always a file. All
+errors are subclasses of `SkillctlError` in `skillctl.errors`, and have the ``hint`` that the command would
+print; a state that is not finite raises `StateError`.
 
-Every name is the use-case behind a command, and is imported when it is first asked for.
+A name is imported when it is first used. Everything else, such as ``MergedSkill``, is imported from the
+module that defines it: ``from skillctl.model.merged import MergedSkill``.
 """
 
 from __future__ import annotations

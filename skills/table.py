@@ -10,7 +10,7 @@ HEADINGS = ("skill", "scenario", "succeeded", "95 % interval", "median time", "f
 
 
 def row(path: Path) -> tuple[str, ...]:
-    """Return the cells of one run."""
+    """Return the cells of the row of one run."""
     report = json.loads(path.read_text(encoding="utf-8"))
     skill, scenario = path.stem.split("--")
     low, high = report["interval"]
@@ -26,7 +26,7 @@ def row(path: Path) -> tuple[str, ...]:
 
 
 def main(paths: list[Path]) -> None:
-    """Print one line a run, and what all of them took."""
+    """Print one line for each run, and the time of all runs together."""
     rows = [row(path) for path in paths]
     widths = [max(map(len, column)) for column in zip(HEADINGS, *rows, strict=True)]
     for cells in (HEADINGS, tuple("-" * width for width in widths), *rows):

@@ -1,4 +1,4 @@
-"""Write the demonstrations of this directory again: they come from a seeded generator, not from a person."""
+"""Write the demonstrations of this directory again; they come from a seeded generator, not from a person."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillctl.demonstrations.writing import DECIMALS, write_csv
 from skillctl.model.demonstration import Demonstration
 
 STARTS = ((0.385, 0.44), (-0.20, 0.20), (0.50, 0.58))  # x, y, z: low in front of the shelf, hand level [m]
-COUNT = 10  # demonstrations of each of TASKS
+COUNT = 10  # demonstrations of each task
 
 
 def straight(demonstration: Demonstration) -> Demonstration:
@@ -25,7 +25,7 @@ def straight(demonstration: Demonstration) -> Demonstration:
 
 
 def main() -> None:
-    """Write one directory a task."""
+    """Write one directory of demonstrations for each task."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("directory", type=Path)
     folder = parser.parse_args().directory
