@@ -60,7 +60,7 @@ def test_typing_what_it_printed_gives_the_same_skills(started, run, monkeypatch)
         result = run(name, *(path for word in words for path in _glob(word, folder)), "--json")
         assert result.exit_code == 0, result.stderr
         if name != "verify-stability":
-            assert json.loads(result.stdout)["created"] is False  # exactly this skill was there
+            assert json.loads(result.stdout)["written"]["created"] is False  # exactly this skill was there
 
 
 def _glob(word: str, folder: Path) -> list[str]:
