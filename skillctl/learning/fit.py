@@ -9,7 +9,6 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.learning.blas import one_blas_thread
 from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
 from skillctl.learning.options import LearnOptions, Preset
 from skillctl.learning.outcome import Result, StageResult
@@ -19,6 +18,7 @@ from skillctl.learning.select import component_limit, select_components
 from skillctl.learning.solve import ProgressCallback, solve
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.seds import SedsSkill
+from skillctl.workers.blas import one_blas_thread
 
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 LATE_GAIN = 0.02  # warn when the last steps took more off the cost; of distances that is about half as much

@@ -13,8 +13,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.geometry import norms, segment_lengths, squared_norms
-from skillctl.learning.blas import one_blas_thread
 from skillctl.learning.outcome import Result, StageResult
+from skillctl.workers.blas import one_blas_thread
 
 # All tuned on the 30 LASA motions.
 CONDITION_WEIGHT = 0.02  # keeps P round where the data do not matter; in rms distances per log-eigenvalue

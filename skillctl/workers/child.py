@@ -1,4 +1,4 @@
-"""A child process that calls functions for its parent, whom nothing they do there can harm.
+"""A child process that calls functions for its parent, which nothing they do there can harm.
 
 Libraries written in C may crash on a damaged file, never return, or take all memory. In a child that costs
 the one call: ``Child.call`` raises, and the next call starts a new child.
@@ -8,13 +8,12 @@ the one call: ``Child.call`` raises, and the next call starts a new child.
 - Without limits, results are whatever can be pickled, and exceptions are raised as they are.
 - Arguments are pickled, and functions are found by name: they stand at the top level of a module.
 - What functions print on standard output is lost; on standard error, it is if there are limits.
-- No child outlives its parent, however that ends. Ctrl-C is for the parent to answer.
+- A child ends with its parent, however the parent ends. Ctrl-C reaches the parent only.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import pickle
 import signal
@@ -22,18 +21,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import IO, Any, TypeAlias, cast
 
 from skillctl.workers import messages
 from skillctl.workers.limits import Limits
 from skillctl.workers.threads import THREAD_VARIABLES
 
-START = (
-    "import sys; limits, *sys.path[:] = sys.argv[1:]; "
-    "from skillctl.workers.serving import serve; serve(limits)"
-)
+START = "import sys; sys.path[:] = sys.argv[1:]; from skillctl.workers.serving import serve; serve()"
 NO_MORE: Mapping[str, str] = MappingProxyType({})
 Process: TypeAlias = "subprocess.Popen[bytes]"
 
@@ -64,9 +59,7 @@ class Child:
     def __enter__(self) -> Child:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def call(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
@@ -83,9 +76,9 @@ class Child:
         request = pickle.dumps((function, arguments, options))
         process = self._started()
         try:
-            with _time_limit(process, self.limits):
+            with _killed_after(self.limits.seconds if self.limits else threading.TIMEOUT_MAX, process):
                 requests, answers = _pipes(process)
-                messages.send(requests, request)
+                messages.send(requests, pickle.dumps(self.limits), [request])
                 text, numbers = messages.receive(answers, self.limits)
         except (EOFError, ValueError, BrokenPipeError):
             how = _ending(process)
@@ -104,17 +97,17 @@ class Child:
             self._end(process)
 
     def _started(self) -> Process:
-        with self._lock, _ctrl_c_held_back():
+        with self._lock:
             if self._closed:
                 raise ChildDiedError("was closed")
             if self._process is None:
-                limits = json.dumps(self.limits and asdict(self.limits))
                 self._process = subprocess.Popen(
-                    [sys.executable, "-I", "-B", "-c", START, limits, *sys.path],  # -I: nothing from the cwd
+                    [sys.executable, "-I", "-B", "-c", START, *sys.path],  # -I: nothing from the cwd
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=None if self.limits is None else subprocess.DEVNULL,
                     env={**os.environ, **self._environment},
+                    start_new_session=True,  # a terminal sends it no Ctrl-C
                 )
             return self._process
 
@@ -134,31 +127,15 @@ def _pipes(process: Process) -> tuple[IO[bytes], IO[bytes]]:
 
 
 @contextlib.contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
-    """Start processes that do not notice Ctrl-C: they inherit that it is held back, and we answer it."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextlib.contextmanager
-def _time_limit(process: Process, limits: Limits | None) -> Iterator[None]:
-    """Kill a process that takes longer than a call may; then raise TimeoutError, whatever else happens."""
-    if limits is None:
-        yield
-        return
+def _killed_after(seconds: float, process: Process) -> Iterator[None]:
+    """Kill a process if the block takes longer; then raise TimeoutError, whatever else happens."""
     late = threading.Event()
 
     def stop() -> None:
         late.set()
         process.kill()
 
-    watchdog = threading.Timer(limits.seconds, stop)
+    watchdog = threading.Timer(seconds, stop)
     watchdog.start()
     try:
         yield

@@ -7,24 +7,23 @@ import logging
 import os
 import re
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from itertools import islice
 from typing import Any
 
 import skillctl
 from skillctl.errors import NotFoundError, StoreError, UsageError, printable
 from skillctl.workers import Item, Result, WorkerDied
-from skillctl.workers.threads import one_in_what_is_loaded
+from skillctl.workers.blas import one_blas_thread
 
-AHEAD = 1000  # items on the cluster at once: more than it has workers, and no more than a scheduler likes
 TIMEOUT = 10.0  # [s], for a scheduler to answer, and for a first worker
 ADDRESS = re.compile(r"([a-z]+://)?(\[[0-9a-f:]+\]|[^\s:/]+):\d{1,5}/?")
 DECIDING = ("numpy", "scipy", "pybullet")  # their versions decide the last digits
 
-_one_at_a_time = threading.Lock()  # threads of one worker would share standard output and thread limits
+_one_at_a_time = threading.Lock()  # threads of one worker share standard output
 
 
 def run_on_cluster(
@@ -43,38 +42,24 @@ def run_on_cluster(
         Whatever ``task`` raises, for the first item that is noticed.
     """
     with _connected(scheduler) as client:
-        near_a_death: list[tuple[int, Item]] = []
-        for numbered, result in _stream(client, task, enumerate(items)):
+        here = surroundings()
+
+        def results(positions: Iterable[int]) -> Iterator[tuple[int, Result | WorkerDied]]:
+            from distributed import as_completed
+
+            submit = partial(client.submit, _in_same_surroundings, here, task, pure=False)
+            running = {submit(items[position]): position for position in positions}
+            for future in as_completed(list(running), loop=client.loop):
+                yield running.pop(future), _result(future)
+
+        near_a_death = []
+        for position, result in results(range(len(items))):
             if isinstance(result, WorkerDied):
-                near_a_death.append(numbered)
+                near_a_death.append(position)
             else:
-                yield numbered[0], result
-        for suspect in near_a_death:
-            for (position, _), result in _stream(client, task, iter([suspect])):
                 yield position, result
-
-
-def _stream(
-    client: Any, task: Callable[[Item], Result], waiting: Iterator[tuple[int, Item]]
-) -> Iterator[tuple[tuple[int, Item], Result | WorkerDied]]:
-    """Yield numbered items and their results; never more than a certain number is on the cluster."""
-    from distributed import as_completed
-
-    here = surroundings()
-    running: dict[Any, tuple[int, Item]] = {}
-    finished = as_completed(loop=client.loop)
-
-    def submit(count: int) -> None:
-        for numbered in islice(waiting, count):
-            future = client.submit(_in_same_surroundings, here, task, numbered[1], pure=False)
-            running[future] = numbered
-            finished.add(future)
-
-    submit(AHEAD)
-    while running:
-        future = next(finished)
-        yield running.pop(future), _result(future)
-        submit(1)
+        for position in near_a_death:
+            yield from results([position])
 
 
 def surroundings() -> dict[str, str]:
@@ -104,7 +89,7 @@ def _in_same_surroundings(here: dict[str, str], task: Callable[[Item], Result], 
                 "here.",
                 hint="Start `dask worker` in this directory, with the same packages and surroundings.",
             )
-    with _one_at_a_time, one_in_what_is_loaded():
+    with _one_at_a_time, one_blas_thread():
         return task(item)
 
 
@@ -145,27 +130,24 @@ def _connected(scheduler: str) -> Iterator[Any]:
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # our own messages say what is wrong
     try:
-        with _client(Client, scheduler) as client:
+        with _answering(Client, scheduler) as client:
+            try:
+                client.wait_for_workers(1, timeout=TIMEOUT)
+            except (TimeoutError, asyncio.TimeoutError) as error:
+                raise NotFoundError(
+                    f"the scheduler at {scheduler} has no worker.",
+                    hint=f"Start some: dask worker {scheduler}",
+                ) from error
             yield client
     finally:
         logger.setLevel(level)
 
 
-def _client(client_class: Any, scheduler: str) -> Any:
+def _answering(client_class: Any, scheduler: str) -> Any:
     try:
-        client = client_class(scheduler, timeout=TIMEOUT, set_as_default=False)
+        return client_class(scheduler, timeout=TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TimeoutError, asyncio.TimeoutError) as error:
         raise NotFoundError(
             f"no Dask scheduler answers at {scheduler}.",
-            hint="`dask scheduler` starts one and says its address, as in tcp://127.0.0.1:8786.",
+            hint="`dask scheduler` starts one and prints its address, as in tcp://127.0.0.1:8786.",
         ) from error
-    try:
-        client.wait_for_workers(1, timeout=TIMEOUT)
-    except BaseException as error:
-        client.close()
-        if not isinstance(error, asyncio.TimeoutError | TimeoutError):
-            raise
-        raise NotFoundError(
-            f"the scheduler at {scheduler} has no worker.", hint=f"Start some: dask worker {scheduler}"
-        ) from error
-    return client

@@ -1,4 +1,4 @@
-"""What a call in a child may take, and how the operating system is told."""
+"""Limits of a call in a child process, which the operating system enforces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 class Limits:
     """What one call in a child may take. The child also writes no files and dumps no core.
 
-    The parent holds the child to the time; the rest holds where the system knows such limits.
+    The parent enforces the time; the system enforces the rest, where it knows such limits.
 
     Attributes:
         seconds: Until the answer, including the start of the child before its first call, [s].
@@ -24,28 +24,21 @@ class Limits:
     numbers: int = 0
 
     def restrict(self) -> None:
-        """Limit this process, the child, for good."""
-        with contextlib.suppress(ImportError):  # not on Windows
+        """Limit this process, the child, for one call."""
+        try:
             import resource
-
-            _lower(resource.RLIMIT_FSIZE, 0)
-            _lower(resource.RLIMIT_CORE, 0)
-            if self.memory is not None:
-                _lower(resource.RLIMIT_AS, self.memory)
-
-    def grant_time(self) -> None:
-        """Limit the CPU time until the next call: a parent that was killed can stop nothing any more."""
-        with contextlib.suppress(ImportError):
-            import resource
-
-            _lower(resource.RLIMIT_CPU, int(time.process_time() + self.seconds) + 1)
-
-
-def _lower(what: int, most: int) -> None:
-    """Set a soft limit, as far as the hard one allows."""
-    import resource
-
-    hard = resource.getrlimit(what)[1]
-    allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    with contextlib.suppress(ValueError, OSError):  # some systems know a limit, but refuse to set it
-        resource.setrlimit(what, (allowed, hard))
+        except ImportError:  # on Windows
+            return
+        # The CPU time is limited, too, because a parent that was killed enforces nothing any more.
+        most = {
+            resource.RLIMIT_FSIZE: 0,
+            resource.RLIMIT_CORE: 0,
+            resource.RLIMIT_CPU: int(time.process_time() + self.seconds) + 1,
+        }
+        if self.memory is not None:
+            most[resource.RLIMIT_AS] = self.memory
+        for kind, value in most.items():
+            hard = resource.getrlimit(kind)[1]
+            soft = value if hard == resource.RLIM_INFINITY else min(value, hard)
+            with contextlib.suppress(ValueError, OSError):  # some systems know a limit, but refuse to set it
+                resource.setrlimit(kind, (soft, hard))

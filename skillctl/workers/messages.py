@@ -1,7 +1,8 @@
-"""What a child and its parent send each other: text and numbers, behind a header with the length of both.
+"""Messages between a child process and its parent: two byte strings, behind a header with their lengths.
 
-Requests, and the answers of children without limits, are pickled text. A child with limits handles data that
-nobody vouches for, and unpickling what it sends could run code: its answer is JSON text and float64 numbers.
+A request is pickled limits and a pickled call. A child without limits answers with a pickled outcome. A child
+with limits handles data of unknown origin, and unpickling its answer could run code: it answers with JSON
+text and float64 numbers.
 """
 
 from __future__ import annotations
@@ -9,8 +10,7 @@ from __future__ import annotations
 import json
 import pickle
 import struct
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import prod
 from typing import IO, Any
 
@@ -22,24 +22,24 @@ MAX_TEXT = 2**22  # bytes of JSON in one answer
 ARRAY = "\0"  # key of an object that stands for an array and holds its shape; no file has such names
 
 
-def send(stream: IO[bytes], text: bytes, numbers: Sequence[bytes] = ()) -> None:
-    """Write a message."""
-    for part in (HEADER.pack(len(text), sum(map(len, numbers))), text, *numbers):
-        stream.write(part)
+def send(stream: IO[bytes], first: bytes, second: Sequence[bytes] = ()) -> None:
+    """Write a message; its second byte string may come in pieces."""
+    for piece in (HEADER.pack(len(first), sum(map(len, second))), first, *second):
+        stream.write(piece)
     stream.flush()
 
 
 def receive(stream: IO[bytes], limits: Limits | None = None) -> tuple[bytearray, bytearray]:
-    """Return the text and the numbers of the next message.
+    """Return the next message.
 
     Raises:
         EOFError: It breaks off, or there is none.
         ValueError: It is longer than any that a child with these limits sends.
     """
-    text, numbers = HEADER.unpack(_exactly(stream, HEADER.size))
-    if limits is not None and (text > MAX_TEXT or numbers > limits.numbers):
+    lengths = HEADER.unpack(_exactly(stream, HEADER.size))
+    if limits is not None and (lengths[0] > MAX_TEXT or lengths[1] > limits.numbers):
         raise ValueError("the answer is too long")
-    return _exactly(stream, text), _exactly(stream, numbers)
+    return _exactly(stream, lengths[0]), _exactly(stream, lengths[1])
 
 
 def _exactly(stream: IO[bytes], size: int) -> bytearray:
@@ -49,22 +49,11 @@ def _exactly(stream: IO[bytes], size: int) -> bytearray:
     return content
 
 
-def send_outcome(stream: IO[bytes], compute: Callable[[], Any], limits: Limits | None) -> None:
-    """Compute a value, and send it, or what was raised instead."""
-    message: tuple[bytes, list[bytes]]
-    try:
-        value = compute()
-        message = (pickle.dumps((value, None, "")), []) if limits is None else _packed(value, limits.numbers)
-    except Exception as error:  # the libraries raise a dozen types on damaged files
-        message = _pickled(error) if limits is None else _described(error), []
-    send(stream, *message)
-
-
 def result(text: bytearray, numbers: bytearray, limits: Limits | None) -> Any:
     """Return the value in an answer, or raise the exception in it.
 
     Raises:
-        ValueError: No child with limits answers like this, or it says that something else was raised.
+        ValueError: No child with limits answers like this, or something else was raised in the child.
     """
     if limits is None:
         value, error, trace = pickle.loads(text)
@@ -87,15 +76,8 @@ def result(text: bytearray, numbers: bytearray, limits: Limits | None) -> Any:
     raise ValueError("the answer makes no sense")
 
 
-def _pickled(error: Exception) -> bytes:
-    trace = traceback.format_exc()
-    try:
-        return pickle.dumps((None, error, trace))
-    except Exception:  # what an exception holds may raise anything when it is pickled
-        return pickle.dumps((None, RuntimeError(f"{type(error).__name__}: {error}"), trace))
-
-
-def _described(error: Exception) -> bytes:
+def described(error: Exception) -> bytes:
+    """Return the answer of a child with limits in which something was raised."""
     if isinstance(error, InputDataError):
         answer: dict[str, Any] = {"refused": str(error), "hint": error.hint}
     elif isinstance(error, MemoryError):
@@ -105,12 +87,12 @@ def _described(error: Exception) -> bytes:
     return json.dumps(answer).encode()
 
 
-def _packed(value: Any, most: int) -> tuple[bytes, list[bytes]]:
+def packed(value: Any, limits: Limits) -> tuple[bytes, list[bytes]]:
     """Return a value as JSON text, with a shape in place of each array, and the numbers of the arrays."""
-    import numpy as np  # late: most children hand over no arrays
+    import numpy as np  # late: most children return no arrays
 
     numbers: list[bytes] = []
-    left = most
+    left = limits.numbers
 
     def shape_of(array: Any) -> dict[str, tuple[int, ...]]:
         nonlocal left
@@ -118,7 +100,7 @@ def _packed(value: Any, most: int) -> tuple[bytes, list[bytes]]:
             raise TypeError(f"no {type(array).__name__} can be handed over")
         left -= 8 * array.size
         if left < 0:
-            raise ValueError(f"too large: more than {most / 2**20:.0f} MiB of numbers")
+            raise ValueError(f"too large: more than {limits.numbers / 2**20:.0f} MiB of numbers")
         numbers.append(array.astype(np.float64).tobytes())
         return {ARRAY: array.shape}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 # The matrices of a skill are tiny: more BLAS threads only cost time, and one thread gives every machine the
 # same sums. The variables count only if they are set before NumPy is imported.
@@ -14,10 +13,3 @@ def one_by_environment() -> None:
     """Let libraries that are loaded from now on, here and in children, have one thread."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = "1"
-
-
-def one_in_what_is_loaded() -> Any:
-    """Let libraries that are loaded already have one thread; as a context manager, for a block only."""
-    from threadpoolctl import threadpool_limits
-
-    return threadpool_limits(1)

@@ -9,10 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from skillctl.learning.blas import one_blas_thread
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.workers.blas import one_blas_thread
 
 pytestmark = pytest.mark.usefixtures("two_threads")
 

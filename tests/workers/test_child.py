@@ -171,7 +171,7 @@ def test_what_the_child_cannot_be_asked_leaves_it_as_it_is(trusted, called) -> N
 
 def test_an_answer_is_read_as_it_was_written() -> None:
     stream = BytesIO()
-    messages.send_outcome(stream, lambda: [np.array([1.5, 2.5]), {"a": np.eye(2)}], LIMITS)
+    messages.send(stream, *messages.packed([np.array([1.5, 2.5]), {"a": np.eye(2)}], LIMITS))
     stream.seek(0)
     vector, item = messages.result(*messages.receive(stream, LIMITS), LIMITS)
     assert (vector.tolist(), item["a"].tolist()) == ([1.5, 2.5], [[1, 0], [0, 1]])
@@ -262,11 +262,11 @@ def test_another_thread_may_close_a_child_that_is_busy(called, tmp_path) -> None
 
     def call() -> None:
         try:
-            child.call(called.sleep, str(tmp_path / "sleeps"))
+            busy.call(called.sleep, str(tmp_path / "sleeps"))
         except ChildDiedError as error:
             raised.append(error)
 
-    with Child() as child:
+    with Child() as busy:
         thread = threading.Thread(target=call)
         thread.start()
         wait_until(lambda: (tmp_path / "sleeps").exists())
