@@ -31,12 +31,13 @@ class Findings:
     Attributes:
         label: File and part.
         duplicates: Rows dropped because they repeat the row before, time stamp included.
-        gap: Longest step if it is a gap, else 0, [s]; ``gap_after`` says where.
+        gap: Longest step if it is a gap, else 0, [s].
         gap_after: Place of the sample before the gap, in words.
         jitter: Spread of the steps against their median, 0 if even.
         duration: [s].
         spikes: Jumps aside that are taken back within a few samples.
-        spike: Longest of these jumps, in the unit of the demonstration; ``spike_at`` says where it leads to.
+        spike: Length of the longest of these jumps, in the unit of the demonstration.
+        spike_at: Place of the sample that it leads to, in words.
         estimated_step: Sampling period where it had to be worked out from the velocities, else 0, [s].
     """
 
@@ -160,7 +161,7 @@ def _require_finite(recording: Recording) -> None:
 
 
 def _refusal(recording: Recording, sample: int, words: str, hint: str = GAPS) -> InputDataError:
-    """Return what to say about one sample."""
+    """Return the refusal of one sample."""
     return InputDataError(f"{recording.label}, {recording.where(sample)}{words}", hint=hint)
 
 
@@ -211,8 +212,8 @@ def _findings(
     recording: Recording, demonstration: Demonstration, rows: IntArray, estimated: float
 ) -> Findings:
     steps = np.diff(demonstration.times)
-    spikes, lengths = _spikes(demonstration.positions)
-    farthest = int(np.argmax(lengths)) if len(spikes) else -1
+    spikes = _spikes(demonstration.positions)
+    spike, spike_length = max(spikes, key=lambda each: each[1], default=(0, 0.0))
     median = float(np.median(steps))
     longest = int(np.argmax(steps))
     low, high = np.percentile(steps, [5, 95])
@@ -224,17 +225,17 @@ def _findings(
         jitter=float((high - low) / median),
         duration=demonstration.duration,
         spikes=len(spikes),
-        spike=float(lengths[farthest]) if len(spikes) else 0.0,
-        spike_at=recording.where(int(rows[spikes[farthest]])) if len(spikes) else "",
+        spike=spike_length,
+        spike_at=recording.where(int(rows[spike])),
         estimated_step=estimated,
     )
 
 
-def _spikes(positions: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the samples (S,) that jump aside, only for the motion to go on where it was, and how far (S,).
+def _spikes(positions: FloatArray) -> list[tuple[int, float]]:
+    """Return the samples that jump aside before the motion goes on where it was, and how far each jumps.
 
-    A jump is long beside the median of the steps that move at all. Where a motion is fast after a long slow
-    phase its steps are long, too, but they are not taken back.
+    A jump is long in comparison with the median of the steps that move at all. Where a motion is fast after
+    a long slow phase, its steps are long, too, but they are not taken back.
     """
     steps = segment_lengths(positions)
     moving = steps[steps > 0]
@@ -247,4 +248,4 @@ def _spikes(positions: FloatArray) -> tuple[IntArray, FloatArray]:
     for jump in np.flatnonzero(there_and_back).tolist():
         if not spikes or jump > spikes[-1] + 1:  # the way back is not the way out to the next one
             spikes.append(jump)
-    return out[spikes] + 1, steps[out[spikes]]
+    return [(int(out[jump]) + 1, float(steps[out[jump]])) for jump in spikes]

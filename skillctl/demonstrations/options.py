@@ -53,13 +53,4 @@ class Reading:
         """Return the demonstrations in the files."""
         from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
 
-        return read_demonstrations(
-            paths,
-            input_format=self.input_format,
-            columns=self.columns,
-            dt=self.dt,
-            units=self.units,
-            scale=self.scale,
-            select=self.demos,
-            frame=self.frame,
-        )
+        return read_demonstrations(paths, **vars(self))

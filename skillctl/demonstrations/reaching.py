@@ -17,6 +17,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations.writing import DECIMALS
 from skillctl.errors import UsageError
+from skillctl.geometry import arc_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.space import Euclidean
 
@@ -143,8 +144,7 @@ def _swing(place: str, manner: float) -> FloatArray:
 def _reach(style: _Style, target: FloatArray, swing: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return times (T,) and positions (T, 3) of one reach, sampled at RATE and rounded."""
     path = _path(style, target, swing)
-    steps = np.diff(path, axis=0)
-    arc = np.concatenate([[0.0], np.cumsum(np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2 + steps[:, 2] ** 2))])
+    arc = arc_lengths(path)
     samples = round(style.duration * RATE) + 1
     travelled = arc[-1] * _minimum_jerk(np.arange(samples) / (samples - 1))
     positions = np.stack([np.interp(travelled, arc, column) for column in path.T], axis=1)

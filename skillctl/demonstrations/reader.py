@@ -50,7 +50,7 @@ def read_demonstrations(
     dt: float | None = None,
     units: Unit | None = None,
     scale: float = 1.0,
-    select: Sequence[int] | None = None,
+    demos: Sequence[int] | None = None,
     frame: str = "base",
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
@@ -66,7 +66,7 @@ def read_demonstrations(
         units: Unit of the positions. By default the format's: millimetres for LASA, metres otherwise.
             ``rad`` makes it a joint space.
         scale: Factor on all positions and velocities, after the conversion to metres.
-        select: Which demonstrations to take, counted from 0 over all files; the others are not checked.
+        demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
         frame: Frame in which the positions are given, for the record.
 
     Raises:
@@ -84,7 +84,7 @@ def read_demonstrations(
             form = format_of(file) if forced is None else forced
             recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
             sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
-    selection = _selected(recordings, select)
+    selection = _selected(recordings, demos)
     names = _names(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
@@ -115,16 +115,16 @@ def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit |
     )
 
 
-def _selected(recordings: list[Recording], select: Sequence[int] | None) -> list[Recording]:
-    if select is None:
+def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[Recording]:
+    if demos is None:
         return recordings
-    for index in select:
+    for index in demos:
         if not 0 <= index < len(recordings):
             raise UsageError(
                 f"demonstration {index} does not exist; there are {len(recordings)}, counted from 0.",
                 hint="Choose others with --demos.",
             )
-    return [recordings[index] for index in dict.fromkeys(select)]
+    return [recordings[index] for index in dict.fromkeys(demos)]
 
 
 def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:

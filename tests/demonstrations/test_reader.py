@@ -74,19 +74,19 @@ def test_a_forced_format_is_not_second_guessed(write, save_npz, curve) -> None:
 def test_select_counts_over_all_files_and_leaves_the_others_unchecked(write) -> None:
     first = write("demo,t,x\na,0,1\na,1,2\nb,0,nan\nb,0,nan\n", "1.csv")
     second = write("t,x\n0,5\n1,6\n", "2.csv")
-    result = read_demonstrations([first, second], select=[2, 0, 2])
+    result = read_demonstrations([first, second], demos=[2, 0, 2])
     assert [d.positions.ravel().tolist() for d in result.demonstrations] == [[5, 6], [1, 2]]
     assert len(result.sources) == 2
     with pytest.raises(UsageError, match="demonstration 3 does not exist; there are 3, counted from 0"):
-        read_demonstrations([first, second], select=[0, 3])
+        read_demonstrations([first, second], demos=[0, 3])
     with pytest.raises(UsageError, match="demonstration -1 does not exist"):
-        read_demonstrations([second], select=[-1])
+        read_demonstrations([second], demos=[-1])
 
 
 def test_nothing_to_read_is_refused(write) -> None:
     for paths, select in (([], None), ([write(PLAIN)], [])):
         with pytest.raises(InputDataError, match="no demonstrations"):
-            read_demonstrations(paths, select=select)
+            read_demonstrations(paths, demos=select)
 
 
 def test_files_of_other_dimensions_or_columns_are_refused_by_name(write, save_npz) -> None:
