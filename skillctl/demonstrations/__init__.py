@@ -1,1 +1,1 @@
-"""Readers of other people's formats, chosen by content, and what is checked before anything is learned."""
+"""Readers of demonstration formats, chosen by content, and the checks before learning."""

@@ -26,7 +26,7 @@ LAYOUTS = (
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is a ZIP archive, as NumPy's are."""
+    """Return whether the content is a ZIP archive, as NumPy archives are."""
     return file.content.startswith(b"PK\x03\x04")
 
 
@@ -38,10 +38,10 @@ def read(file: File) -> list[Recording]:
     - one array (T, d) of any name, or several whose names end in a number (``demo_3``): one demonstration
       each, in their order; optional ``<name>_times`` (T,).
 
-    In all of them a scalar ``dt`` [s] may stand in place of times.
+    In all of them a scalar ``dt`` [s] may replace the times.
 
     Raises:
-        InputDataError: Damaged, pickled, too large, or of another layout.
+        InputDataError: The archive is damaged, pickled, too large, or of another layout.
     """
     arrays = _arrays(file.content, file.path)
     dt = _step(arrays, file.path)

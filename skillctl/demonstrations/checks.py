@@ -1,4 +1,4 @@
-"""From a recording to a demonstration: what is refused, what is repaired, and what is reported."""
+"""Checks of a recording, which make it a demonstration: refusals, repairs and notes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skillctl.errors import InputDataError
 from skillctl.geometry import segment_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
-LARGEST = 1e9  # no position lies further out, in any unit; sums of squares cannot overflow
+LARGEST = 1e9  # larger positions are refused, in any unit; sums of squares then cannot overflow
 GAP = 3.0  # a step this many times longer than the median is a gap
 JITTER = 0.5  # spread of the middle 90 % of steps, against their median
 LONG = 600.0  # [s]; one demonstration of a motion is shorter, unless times are not in seconds
@@ -21,12 +21,12 @@ END_SPREAD = 0.1  # of the extent: ends further apart than this are reported
 SPIKE = 10.0  # a step this many times longer than the median one is a jump
 SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
 SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
-EXTENTS = (0.005, 10.0)  # [m]; motions of an arm are neither smaller nor larger
+EXTENTS = (0.005, 10.0)  # [m]; extents that motions of an arm have
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Properties of one recording that a user may want to know.
+    """Findings about one recording that a user may want to know.
 
     Attributes:
         label: File and part.
@@ -38,7 +38,7 @@ class Findings:
         spikes: Jumps aside that are taken back within a few samples.
         spike: Length of the longest of these jumps, in the unit of the demonstration.
         spike_at: Place of the sample that it leads to, in words.
-        estimated_step: Sampling period where it had to be worked out from the velocities, else 0, [s].
+        estimated_step: Sampling period if it is estimated from the velocities, else 0, [s].
     """
 
     label: str
@@ -53,9 +53,9 @@ class Findings:
     estimated_step: float
 
 
-@np.errstate(all="ignore")  # what overflows is no number, and the demonstration refuses it in words
+@np.errstate(all="ignore")  # overflow gives values that are not finite, which Demonstration refuses
 def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[Demonstration, Findings]:
-    """Return the demonstration in a recording, and its findings.
+    """Return the demonstration in a recording, and the findings about it.
 
     Args:
         recording: As read.
@@ -63,8 +63,8 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
         scale: Factor on positions and velocities, after the conversion to metres.
 
     Raises:
-        InputDataError: Values that are not finite, time stamps that repeat or go back, no time at all,
-            one point only, no motion; each with file and place.
+        InputDataError: Values are not finite, time stamps repeat or go back, there are no times, only
+            one point, or no motion. The message gives file and place.
     """
     _require_finite(recording)
     stamps, estimated = _stamps(recording, dt)
@@ -88,7 +88,7 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
 
 
 def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) -> list[str]:
-    """Return what the user should know about the demonstrations, a sentence each."""
+    """Return notes on the demonstrations for the user, a sentence each."""
     notes = []
     total = len(findings)
     if repeated := [f for f in findings if f.duplicates]:
@@ -149,7 +149,7 @@ def _shape_notes(demonstrations: DemonstrationSet) -> list[str]:
 
 
 def _require_finite(recording: Recording) -> None:
-    """Raise unless all positions and velocities are finite, and no position lies absurdly far out."""
+    """Raise unless all positions and velocities are finite, and all positions are within LARGEST."""
     usable = np.abs(recording.positions) <= LARGEST  # false for NaN, too
     if not usable.all():
         sample, dimension = np.argwhere(~usable)[0]
@@ -166,7 +166,7 @@ def _refusal(recording: Recording, sample: int, words: str, hint: str = GAPS) ->
 
 
 def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
-    """Return the time of each sample, and the period if it had to be worked out from the velocities."""
+    """Return the time of each sample, and the period if it is estimated from the velocities."""
     if recording.times is not None:
         return recording.times, 0.0
     estimated = 0.0
@@ -179,7 +179,7 @@ def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
             dt = estimated = float(np.median(steps[moving] / middle[moving]))
     if dt is None:
         raise InputDataError(
-            f"{recording.label}: it says nothing about time.",
+            f"{recording.label}: it has no times.",
             hint="Give the sampling period with --dt SECONDS, or name a column t or time.",
         )
     return uniform_times(dt, len(recording.positions)), estimated
@@ -188,7 +188,7 @@ def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
 def _fresh_rows(recording: Recording, stamps: FloatArray) -> IntArray:
     """Return the samples that do not repeat the one before, time stamp included.
 
-    Recorders do write rows twice; a repeated stamp with another position is no such row.
+    Recorders sometimes write a row twice. A repeated stamp with another position is an error instead.
     """
     changed = (np.diff(stamps) != 0) | (np.diff(recording.positions, axis=0) != 0).any(axis=1)
     return np.flatnonzero(np.concatenate([[True], changed]))
@@ -246,6 +246,6 @@ def _spikes(positions: FloatArray) -> list[tuple[int, float]]:
     there_and_back = (back - out <= SPIKE_SAMPLES) & (left < SPIKE_RETURN * shorter)
     spikes: list[int] = []
     for jump in np.flatnonzero(there_and_back).tolist():
-        if not spikes or jump > spikes[-1] + 1:  # the way back is not the way out to the next one
+        if not spikes or jump > spikes[-1] + 1:  # the jump back is not the first jump of the next spike
             spikes.append(jump)
     return [(int(out[jump]) + 1, float(steps[out[jump]])) for jump in spikes]

@@ -1,4 +1,4 @@
-"""Read a file once, have it parsed in a child process, and say in words what is wrong with it."""
+"""Read a file once, parse it in a child process, and describe what is wrong with it."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class File:
     Attributes:
         path: As the user named it, for messages.
         content: Its bytes.
-        columns: Names of the position columns that the user asked for; formats without names of their own
-            leave them to the caller.
-        child: Parses what only large libraries in C can: a damaged file may crash, hang or exhaust them.
+        columns: Names of the position columns that the user asked for; in formats without names the caller
+            selects them.
+        child: Process for parsers that use large C libraries, which a damaged file may crash or exhaust.
     """
 
     path: Path
@@ -47,11 +47,10 @@ class File:
             parser: A function at the top level of a module, which returns arrays, text and numbers in lists
                 and dictionaries, or raises InputDataError without the name of the file.
             kind: What the file should be, for messages.
-            options: Whatever the parser needs to know; the same at every call.
+            options: Further arguments of the parser; the same at every call.
 
         Raises:
-            InputDataError: The parser refused the file, failed on it, was ended by it, or took more time or
-                memory than it may.
+            InputDataError: The parser refused the file, failed, crashed, or took too much time or memory.
         """
         if parser not in self._parsed:
             self._parsed[parser] = self._parse(parser, kind, options)
@@ -77,11 +76,11 @@ class File:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what the file holds.
+    """Return the content of a file.
 
     Raises:
-        NotFoundError: No such file.
-        InputDataError: Not a regular file, not readable, empty, or larger than MAX_BYTES.
+        NotFoundError: There is no such file.
+        InputDataError: The file is not regular, not readable, empty, or larger than MAX_BYTES.
     """
     try:
         status = path.stat()
@@ -98,7 +97,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def damaged(path: Path, kind: str, reason: str) -> InputDataError:
-    """Return what to say about a file that its own format's reader cannot make sense of."""
+    """Return the refusal of a file that the reader of its format cannot parse."""
     return InputDataError(
         f"{path}: not an intact {kind} ({printable(reason)[:80]}).",
         hint="Save or copy it again; if it is of another format, leave out --input-format.",

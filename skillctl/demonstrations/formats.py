@@ -1,8 +1,8 @@
-"""Which formats there are, and which of them a file has, judged by its content.
+"""The formats of demonstrations, and recognition of a file's format by its content.
 
 To add a format, write a module with two functions and name it in ``FORMATS``:
 
-- ``recognises(file: File) -> bool`` says whether the content looks like this format;
+- ``recognises(file: File) -> bool`` returns whether the content looks like this format;
 - ``read(file: File) -> list[Recording]`` returns the demonstrations, or raises InputDataError.
 
 Choices, help and messages follow from the records. Nothing here imports NumPy; the readers do, when called.
@@ -27,8 +27,8 @@ class Format:
 
     Attributes:
         name: What ``input_format`` calls it.
-        help: What such files are, in words.
-        suffixes: Usual endings of their names; the content decides.
+        help: Description of such files.
+        suffixes: Usual endings of their names; only the content decides.
         reader: Module of this package that recognises and reads them.
     """
 
@@ -38,14 +38,14 @@ class Format:
     reader: str
 
     def recognises(self, file: File) -> bool:
-        """Say whether the content of a file looks like this format."""
+        """Return whether the content of a file looks like this format."""
         return bool(self._module.recognises(file))
 
     def read(self, file: File) -> list[Recording]:
         """Return the demonstrations in a file of this format.
 
         Raises:
-            InputDataError: Damaged, or of another format or layout.
+            InputDataError: The file is damaged, or of another format or layout.
         """
         recordings: list[Recording] = self._module.read(file)
         return recordings
@@ -63,8 +63,8 @@ FORMATS = (
     Format("lasa", "LASA motions", (".mat",), "lasa"),
     Format("lpvds", "LPV-DS demonstrations", (".mat",), "lpvds"),
 )
-FOREIGN = {  # first bytes of what people hand over by mistake, and what to do then
-    b"\x89SKILL": ("a skill, not a demonstration", "Look into it with: skillctl inspect"),
+FOREIGN = {  # first bytes of files that are given by mistake, what they are, and a hint
+    b"\x89SKILL": ("a skill, not a demonstration", "Inspect it with: skillctl inspect"),
     b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
     b"\x93NUMPY": (
         "a single NumPy array",
@@ -79,7 +79,7 @@ FOREIGN = {  # first bytes of what people hand over by mistake, and what to do t
 
 
 def described() -> str:
-    """Return which files are read, in words: every format with the usual endings of its files."""
+    """Return a list of the formats, with the usual endings of their files."""
     return ", ".join(f"{form.help} ({', '.join(form.suffixes)})" for form in FORMATS)
 
 
@@ -100,7 +100,7 @@ def format_of(file: File) -> Format:
     """Return the format that the content of a file has.
 
     Raises:
-        InputDataError: Damaged, or none of ``FORMATS``.
+        InputDataError: The file is damaged, or of none of ``FORMATS``.
     """
     for start, (what, hint) in FOREIGN.items():
         if file.content.startswith(start):

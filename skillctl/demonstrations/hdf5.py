@@ -1,7 +1,7 @@
-"""Read other people's HDF5 files: numbers that lie in the file itself, and nothing else.
+"""Read HDF5 files of unknown origin: only numbers that are stored in the file itself.
 
-Runs in a child process alone, see ``files.File.parsed``. Every link is looked at before it is followed, and
-every dataset before it is read.
+This module runs only in a child process, see ``files.File.parsed``. Every link is checked before it is
+followed, and every dataset before it is read.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HINT = "Copy what you need into a file of its own, with h5repack or h5py."
 
 @contextmanager
 def root_of(content: bytes) -> Iterator[Any]:
-    """Give the root group of a file while it is open."""
+    """Yield the root group of a file while it is open."""
     with h5py.File(BytesIO(content), "r") as file:
         yield h5g.open(file.id, b"/")
 
@@ -84,14 +84,14 @@ def require_small(datasets: Iterable[Any]) -> None:
 
 
 def numbers(dataset: Any) -> FloatArray:
-    """Return what a dataset holds."""
+    """Return the numbers in a dataset."""
     array = np.empty(dataset.shape)
     dataset.read(h5s.ALL, h5s.ALL, array)
     return array
 
 
 def text(group: Any, name: str) -> str | None:
-    """Return a text attribute of a group, or None if there is none, or something else."""
+    """Return a text attribute of a group, or None if there is no such text."""
     if not h5a.exists(group, name.encode()):
         return None
     kind = h5a.open(group, name.encode()).get_type()

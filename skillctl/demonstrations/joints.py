@@ -1,4 +1,4 @@
-"""Skeleton tables: columns x, y and z of many joints, of which a motion needs one or two."""
+"""Skeleton tables, with columns x, y and z of many joints; a motion uses one or two joints."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from skillctl.demonstrations.recording import column_indices, listed
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
-SEPARATORS = " _.:/-"  # between a joint and its axis, if anything
-MOST = 7  # columns that are taken for positions unasked: the joints of an arm
+SEPARATORS = " _.:/-"  # optional, between a joint and its axis
+MOST = 7  # positions in a table without --columns: at most the joints of an arm
 
 
 def joints(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the columns x, y (and z) of each joint, by its name.
 
     ``HandRight_X``, ``HandRight.x`` or ``HandRightX`` is a column of the joint HandRight if there is such a
-    column for y, too. The q of qx, qy, qz is none: names of joints have two letters or more.
+    column for y, too. The q of qx, qy, qz is not a joint: names of joints have two letters or more.
     """
     columns: dict[str, dict[str, str]] = {}
     for name in names:
@@ -32,11 +32,11 @@ def joints(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 
 def chosen(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[int, ...]:
-    """Return where the wanted columns stand among ``names``; a joint stands for its columns.
+    """Return the indices of the wanted columns in ``names``; a joint means all of its columns.
 
     Raises:
-        UsageError: A column named twice, or none at all.
-        InputDataError: Neither a column nor a joint; names the nearest one and lists what there is.
+        UsageError: A column is named twice, or none is.
+        InputDataError: A name is neither a column nor a joint; the message suggests the nearest one.
     """
     known = {joint: columns for joint, columns in joints(names).items() if joint not in names}
     column_indices(wanted, [*known, *names], path)  # refuses

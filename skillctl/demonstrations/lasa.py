@@ -12,7 +12,7 @@ FIELDS = ("pos", "vel", "t")
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is a MATLAB file whose variables are laid out as in the LASA data set."""
+    """Return whether the content is a MATLAB file whose variables are laid out as in the LASA data set."""
     return matlab.recognises(file) and bool(_structs(matlab.variables(file)))
 
 
@@ -20,7 +20,7 @@ def read(file: File) -> list[Recording]:
     """Return the demonstrations in the cell array ``demos``: structs of pos (d, T), vel (d, T), t (1, T).
 
     Raises:
-        InputDataError: Another layout, or lengths that do not match.
+        InputDataError: The file has another layout, or lengths do not match.
 
     References:
         Khansari-Zadeh & Billard 2011, the data set that accompanies SEDS.
@@ -44,7 +44,7 @@ def read(file: File) -> list[Recording]:
 
 
 def _structs(variables: Variables) -> list[dict[str, Value]]:
-    """Return the structs in ``demos``; none if something else stands there."""
+    """Return the structs in ``demos``; an empty list if it has another layout."""
     demos = variables.get("demos")
     cells = demos if isinstance(demos, list) else []
     structs = [cell for cell in cells if isinstance(cell, dict) and set(FIELDS) <= set(cell)]

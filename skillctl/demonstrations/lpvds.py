@@ -1,4 +1,4 @@
-"""Demonstrations as LPV-DS and ds-opt keep them: positions above velocities, one matrix each."""
+"""Demonstrations of LPV-DS and ds-opt: one matrix each, positions above velocities."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from skillctl.errors import InputDataError
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is a MATLAB file whose variables are laid out as in LPV-DS."""
+    """Return whether the content is a MATLAB file whose variables are laid out as in LPV-DS."""
     return matlab.recognises(file) and bool(_cells(file))
 
 
 def read(file: File) -> list[Recording]:
     """Return the demonstrations in the cell array ``data``: one matrix (2d, T) each, rows [x; ẋ].
 
-    A scalar ``dt`` [s] is their sampling period; without it, it follows from velocities and steps.
+    A scalar ``dt`` [s] is their sampling period; without it, the period is estimated from the velocities.
 
     Raises:
-        InputDataError: Another layout.
+        InputDataError: The file has another layout.
 
     References:
         Figueroa & Billard 2018, the data that accompanies ds-opt.
@@ -47,6 +47,6 @@ def read(file: File) -> list[Recording]:
 
 
 def _cells(file: File) -> list[matlab.Value]:
-    """Return the cells of ``data``; none if something else stands there."""
+    """Return the cells of ``data``; an empty list if it is not a cell array."""
     data = matlab.variables(file).get("data")
     return data if isinstance(data, list) else []

@@ -1,4 +1,4 @@
-"""MATLAB 5 files (``save -v7`` and older), read by SciPy in a process of its own."""
+"""MATLAB 5 files (``save -v7`` and older), read by SciPy in a child process."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import listed
 from skillctl.errors import InputDataError
 
-# Numbers; a cell array or an array of structs, column by column; one struct; or what no demonstration is
-# made of: text, sparse and complex matrices, objects.
+# Numbers; a cell array or an array of structs, column by column; one struct; or None for what demonstrations
+# do not contain: text, sparse and complex matrices, objects.
 Value: TypeAlias = FloatArray | list["Value"] | dict[str, "Value"] | None
 Variables: TypeAlias = dict[str, Value]
 
@@ -23,7 +23,7 @@ NUMBERS = "fiub"  # kinds of dtype; MATLAB's logical arrays are numbers, too
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is a MATLAB 5 file."""
+    """Return whether the content is a MATLAB 5 file."""
     return file.content[124:128] in VERSION_5
 
 
@@ -31,14 +31,14 @@ def variables(file: File) -> Variables:
     """Return the variables in a MATLAB 5 file.
 
     Raises:
-        InputDataError: Damaged, or too large when unpacked.
+        InputDataError: The file is damaged, or too large when unpacked.
     """
     parsed: Variables = file.parsed(parse, "MATLAB 5 file")
     return parsed
 
 
 def other_layout(file: File, what: str, expected: str) -> InputDataError:
-    """Return what to say about a MATLAB file that does not hold the demonstrations it should."""
+    """Return the refusal of a MATLAB file without demonstrations in the expected layout."""
     holds = described(variables(file))
     return InputDataError(f"{file.path}: {what} (found {holds}).", hint=f"Expected {expected}.")
 
@@ -68,7 +68,7 @@ def _value(value: Any, depth: int) -> Value:
 
 
 def described(content: Variables) -> str:
-    """Return names and kinds of variables, in words."""
+    """Return a list of the variables with their kinds, for messages."""
     return listed([f"{name} {_kind(value)}" for name, value in content.items()]) or "no variables"
 
 

@@ -1,4 +1,4 @@
-"""What a robomimic dataset holds; runs in a child process alone, which imports h5py."""
+"""The content of a robomimic dataset. This module runs only in a child process, as it imports h5py."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from skillctl.demonstrations import hdf5
 from skillctl.errors import InputDataError
 
 DEMONSTRATION = re.compile(r"demo_(\d{1,9})")
-WIDEST = 64  # columns: no state of a robot has more; pictures and clouds of points are no motions
+WIDEST = 64  # columns of a robot state; pictures and point clouds have more
 
 
 def contents(content: bytes, keys: list[str]) -> dict[str, Any]:
-    """Return the demonstrations in a dataset, or what else is there, as a child can hand it over.
+    """Return the demonstrations in a dataset and an overview of it, in types that a child can send.
 
     Args:
         content: The bytes of the file.
@@ -28,8 +28,8 @@ def contents(content: bytes, keys: list[str]) -> dict[str, Any]:
         members: Of the root group.
         count: Number of demonstrations.
         widths: Observations of the first one that can be motions, and how many columns each has.
-        demonstrations: Positions by name, (T, d) each; none if one of the observations is not there.
-        frequency: Samples per second, None if the file does not say.
+        demonstrations: Positions by name, (T, d) each; empty if one of the observations is missing.
+        frequency: Samples per second, None if the file does not give it.
     """
     with hdf5.root_of(content) as root:
         data = hdf5.subgroup(root, "data")

@@ -1,4 +1,4 @@
-"""What a user may choose about reading demonstrations."""
+"""Options for reading demonstrations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Reading:
     input_format: str | None = option(
         choices=tuple(form.name for form in FORMATS),
         group=READING,
-        help="Default: told from the content.",
+        help="Default: recognised by the content.",
     )
     columns: tuple[str, ...] | None = option(
         read=read_words,

@@ -3,8 +3,8 @@
 Metres, base frame of the arm: x forwards, y to the left, z up. The shelf has a board at z = 0.42 and one at
 0.70, both from x = 0.50 on. Every reach starts low in front of the shelf, moves sideways and upwards to the
 place while still in front of the boards, and then straight in along x. How the hand moves sideways and how
-it moves upwards do not depend on each other, so a reach to the top left is, relative to its target, the
-sideways motion of one to the bottom left with the upward motion of one to the top centre.
+it moves upwards do not depend on each other, so a reach to the top left has, relative to its target, the
+sideways motion of one to the bottom left and the upward motion of one to the top centre.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
 HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]
 DEPTH = 0.63  # x of the cup [m]
 PLACES = tuple(f"{height}-{side}" for height in HEIGHTS for side in SIDES)
-TASKS = ("bottom-left", "bottom-right", "top-centre")  # what the examples teach; other places are for tests
+TASKS = (
+    "bottom-left",
+    "bottom-right",
+    "top-centre",
+)  # the places that the examples demonstrate; the others are for tests
 COUNT, SEED = 8, 0  # demonstrations per task, and their seed
 
 Box: TypeAlias = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]  # of x, y and z [m]
@@ -38,10 +42,10 @@ PATH_POINTS = 2001  # of the path before timing: chords of 0.3 mm, 1000 times sh
 
 
 def target_of(place: str) -> FloatArray:
-    """Return where the cup stands at a place, such as ``top-centre``. Shape (3,), [m], base frame.
+    """Return the position of the cup at a place, such as ``top-centre``. Shape (3,), [m], base frame.
 
     Raises:
-        UsageError: No such place.
+        UsageError: There is no such place.
     """
     if place not in PLACES:
         raise UsageError(f"place: {place!r} is none of {', '.join(PLACES)}.")
@@ -69,12 +73,12 @@ def reaching_demonstrations(
         count: Number of demonstrations, at least 1.
         seed: Any integer from 0.
         starts: Box in which the reaches start, below and in front of the place.
-        variability: How much the ways of reaching differ, from 0, all alike but for start and duration, to 1.
+        variability: How much the ways of reaching differ, from 0, alike except for start and duration, to 1.
         manner: How far the hand swings out on its way to either side, and is lifted on its way to the top,
-            [m]; with 0 one way of reaching does for all places.
+            [m]; with 0 all places are reached in the same way.
 
     Raises:
-        UsageError: No such place, or a number outside its range.
+        UsageError: There is no such place, or a number is outside its range.
 
     References:
         Minimum jerk: Flash & Hogan 1985, Eq. 3. The shapes of path and variability are ours.
@@ -168,7 +172,7 @@ def _path(style: _Style, target: FloatArray, swing: FloatArray) -> FloatArray:
 
 
 def _minimum_jerk(time: FloatArray) -> FloatArray:
-    """Return 10 t³ − 15 t⁴ + 6 t⁵, at rest at 0 before t = 0 and at 1 after t = 1."""
+    """Return 10 t³ − 15 t⁴ + 6 t⁵, constant at 0 before t = 0 and at 1 after t = 1."""
     t = np.clip(time, 0.0, 1.0)
     return t * t * t * (10.0 + t * (6.0 * t - 15.0))
 

@@ -20,7 +20,7 @@ from skillctl.workers.child import Child
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file that was read: where, what exactly, and as what.
+    """A file that was read.
 
     Attributes:
         path: As the user named it.
@@ -35,7 +35,7 @@ class InputFile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReadResult:
-    """Demonstrations, the files they come from, and what the user should know about them."""
+    """Demonstrations, the files they come from, and notes for the user."""
 
     demonstrations: DemonstrationSet
     sources: tuple[InputFile, ...]
@@ -67,12 +67,12 @@ def read_demonstrations(
             ``rad`` makes it a joint space.
         scale: Factor on all positions and velocities, after the conversion to metres.
         demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
-        frame: Frame in which the positions are given, for the record.
+        frame: Frame in which the positions are given; it is only recorded.
 
     Raises:
-        NotFoundError: No such file.
-        InputDataError: Anything in a file that makes it unusable, with file and place.
-        UsageError: Options that make no sense, or select a demonstration that is not there.
+        NotFoundError: There is no such file.
+        InputDataError: A file is unusable; the message gives file and place.
+        UsageError: Options are out of range, or select a demonstration that does not exist.
     """
     forced = None if input_format is None else named(input_format)
     _require_positive(dt=dt, scale=scale)
@@ -100,7 +100,7 @@ def _require_positive(**numbers: float | None) -> None:
 
 
 def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:
-    """Return the recording in the unit the user knows better, and of formats without names, the columns."""
+    """Return the recording with the unit that the user gives and, in formats without names, the columns."""
     unit = units or recording.unit
     if columns is None or recording.names is not None:
         return replace(recording, unit=unit)
@@ -131,7 +131,7 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
-        InputDataError: Other dimensions, or other names, in one file than in another.
+        InputDataError: Dimensions or names differ between files.
     """
     named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
     if named is None:
@@ -152,13 +152,13 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
 def _file_notes(
     recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: Unit | None
 ) -> list[str]:
-    """Return what the user should know about the files and how they were understood."""
+    """Return notes on the files and on how they were read."""
     notes = []
     unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
     if unused:
         notes.append(f"left aside: {listed(tuple(unused))}; use --columns to choose others.")
     if dt is not None and any(recording.times is not None for recording in recordings):
-        notes.append("--dt is not used where a file says when its samples were taken.")
+        notes.append("--dt is not used for files that contain times.")
     dimension = recordings[0].positions.shape[1]
     if units is None and dimension > len(AXIS_NAMES):
         notes.append(f"{dimension} dimensions are taken as metres; joint angles need --units rad.")

@@ -1,4 +1,4 @@
-"""What a reader hands over: the numbers of one demonstration as they stand in its file."""
+"""What a reader returns: the numbers of one demonstration, unchanged from its file."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from skillctl.model.space import Euclidean
 
 Unit: TypeAlias = Literal["m", "mm", "rad"]
 
-
-GAPS = "Fill or remove gaps in the recording, or leave this demonstration out."  # what to do about them
+GAPS = "Fill or remove gaps in the recording, or leave this demonstration out."  # hint
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -27,13 +26,13 @@ class Recording:
     Attributes:
         path: File it comes from.
         positions: Shape (T, d), in ``unit``.
-        times: Shape (T,), [s]; None if the file does not say.
-        velocities: Shape (T, d), per second; None if the file does not say.
+        times: Shape (T,), [s]; None if the file has none.
+        velocities: Shape (T, d), per second; None if the file has none.
         names: One per dimension, None for formats that do not name them.
         lines: Line of each sample in a text file, shape (T,); None for binary formats.
         part: Which demonstration of its file, empty if it is the only one.
         unit: Of the positions; rad for joint angles.
-        unused: Columns of the file that were left aside without being asked.
+        unused: Columns of the file that are not used, although the user did not choose columns.
     """
 
     path: Path
@@ -57,7 +56,7 @@ class Recording:
         return f"{self.path.name}, {self.part}" if self.part else self.path.name
 
     def where(self, sample: int) -> str:
-        """Return where a sample stands in the file, in words."""
+        """Return the place of a sample in the file, for messages."""
         return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
 
     def column(self, dimension: int) -> str:
@@ -81,11 +80,11 @@ def uniform_times(period: float, samples: int) -> FloatArray:
 def column_indices(
     wanted: Sequence[str], names: Sequence[str], path: Path, *, what: str = "column"
 ) -> tuple[int, ...]:
-    """Return where the wanted columns, or ``what`` they are called, stand among ``names``.
+    """Return the indices of the wanted columns in ``names``; messages call a column ``what``.
 
     Raises:
-        UsageError: A column named twice, or none at all.
-        InputDataError: No such column; names the nearest one and lists all.
+        UsageError: A column is named twice, or none is.
+        InputDataError: There is no such column; the message suggests the nearest and lists all.
     """
     if not wanted or len(set(wanted)) < len(wanted):
         raise UsageError("columns: name at least one, and each once.")
@@ -101,6 +100,6 @@ def column_indices(
 
 
 def listed(names: Sequence[str], most: int = 20) -> str:
-    """Return names from a file as a list that is safe and short enough to print."""
+    """Return names from a file as text that is safe and short enough to print."""
     text = ", ".join(printable(name)[:40] for name in names[:most])
     return f"{text} and {len(names) - most} more" if len(names) > most else text

@@ -13,18 +13,18 @@ POSITION = "robot0_eef_pos"  # the observation read unless others are chosen: th
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is an HDF5 file."""
+    """Return whether the content is an HDF5 file."""
     return file.content.startswith(b"\x89HDF")
 
 
 def read(file: File) -> list[Recording]:
     """Return the demonstrations in a robomimic dataset, in the order of their numbers.
 
-    ``file.columns`` names observations; several stand side by side. The sampling period is one over the
-    ``control_freq`` of the environment that the dataset was recorded in, where it says so.
+    ``file.columns`` names observations; several are stacked side by side. The sampling period is one over the
+    ``control_freq`` of the environment that the dataset was recorded in, if the file gives it.
 
     Raises:
-        InputDataError: Damaged, another layout, no such observation, or data that lie outside of the file.
+        InputDataError: The file is damaged or of another layout, lacks an observation, or links to others.
 
     References:
         Mandlekar et al. 2021, "What Matters in Learning from Offline Human Demonstrations", and the
@@ -67,7 +67,7 @@ def _names(widths: dict[str, int]) -> tuple[str, ...]:
 
 
 def parse(content: bytes, keys: list[str]) -> dict[str, Any]:
-    """Return what is in a dataset; runs in the child, which alone imports h5py."""
+    """Return the content of a dataset; runs in the child, so that only the child imports h5py."""
     from skillctl.demonstrations.observations import contents
 
     return contents(content, keys)

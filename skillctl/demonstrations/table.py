@@ -23,7 +23,7 @@ from skillctl.model.space import AXIS_NAMES
 Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
 Block: TypeAlias = tuple[IntArray, FloatArray, list[str]]  # lines, numbers, values of the demo column
 
-ROWS = 8192  # lines turned into numbers together: the text never stands in memory as a whole
+ROWS = 8192  # lines that are parsed together: the text is never in memory as a whole
 COMMENT = ("#", "%")
 TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
 UNIT = f"({'|'.join(TICKS)})"
@@ -32,7 +32,7 @@ DEMO = "demo"
 
 
 def recognises(file: File) -> bool:
-    """Say whether the content is text: there is nothing else that tables have in common."""
+    """Return whether the content is text: tables have nothing else in common."""
     return b"\0" not in file.content
 
 
@@ -40,16 +40,16 @@ def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
     """Return the demonstrations of a table.
 
     The first row names the columns: a time (``t``, ``time``, ``stamp`` or ``timestamp``, in seconds unless
-    its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which tells several
-    demonstrations apart. Of tables that hold more than positions x and y (and z), only these are used; of
-    all others, every column is, up to seven. ``file.columns`` says otherwise; it may also name joints of a
-    skeleton.
+    its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which separates
+    demonstrations. If there are columns x and y (and z), only these are positions; otherwise all columns are,
+    up to seven. ``file.columns`` overrides this; it may also name joints of a skeleton.
     Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
     Lines that start with # or % are comments; the last one before the numbers may be the header.
-    ``header`` says what the columns of a format are that has no header and separates by spaces.
+    ``header`` names the columns of a format that has no header and separates by spaces.
 
     Raises:
-        InputDataError: No text, no header, no rows, ragged rows, cells that are no numbers: by line.
+        InputDataError: There is no text, header or row, a row is ragged, or a cell is not a number; the
+            message gives the line.
     """
     path = file.path
     text = io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
@@ -78,7 +78,7 @@ class _Body:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Which column means what.
+    """The meaning of the columns.
 
     Attributes:
         names: All columns of the header.
@@ -86,7 +86,7 @@ class _Layout:
         ticks: Units of the time column in a second.
         positions: Columns of the positions.
         labels: Their names in the state space.
-        unused: Names of columns left aside without being asked.
+        unused: Names of columns that are not used, although the user did not choose columns.
     """
 
     names: tuple[str, ...]
@@ -197,7 +197,7 @@ def _blocks(body: _Body, layout: _Layout, path: Path) -> Iterator[Block]:
 
 
 def _plain(lines: list[str], layout: _Layout, delimiter: str) -> tuple[FloatArray, list[str]] | None:
-    """Return a block's numbers and demo column, parsed in one go; None if any line needs a closer look."""
+    """Return a block's numbers and demo column, parsed in one go; None if a line needs ``_block``."""
     text = "".join(lines)
     if text.isspace() or any(mark in text for mark in (*COMMENT, '"')):
         return None
@@ -221,7 +221,7 @@ def _plain(lines: list[str], layout: _Layout, delimiter: str) -> tuple[FloatArra
 
 
 def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Block:
-    """Return a block cell by cell, so that whatever is wrong with it can be named."""
+    """Return a block, parsed cell by cell, so that a message can name the cell that is wrong."""
     width = len(layout.names)
     for line, cells in rows:
         if len(cells) != width:
@@ -241,7 +241,7 @@ def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Bloc
 
 
 def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, path: Path) -> InputDataError:
-    """Return what to say about the first cell of a block that is no number."""
+    """Return the refusal of the first cell of a block that is not a number."""
     line, column, cell = next(
         (line, column, cells[column])
         for (line, cells), row in zip(block, texts, strict=True)

@@ -15,7 +15,7 @@ UNIT = 0.01  # a unit quaternion, written with two decimals or more, is this clo
 
 
 def recognises(file: File) -> bool:
-    """Say whether a text is a TUM trajectory: by its header, or a first row that ends in a unit quaternion.
+    """Return whether a text has the header of a TUM trajectory or a first row that ends in a unit quaternion.
 
     A table of seven joints may have as many numbers, but then it has a header of its own.
     """
@@ -33,10 +33,10 @@ def recognises(file: File) -> bool:
 
 
 def read(file: File) -> list[Recording]:
-    """Return the one demonstration in a TUM trajectory: its positions; orientations are left aside.
+    """Return the one demonstration in a TUM trajectory: its positions; orientations are not used.
 
     Raises:
-        InputDataError: Rows that are not eight numbers: by line.
+        InputDataError: A row is not eight numbers; the message gives the line.
 
     References:
         Sturm et al. 2012, the RGB-D benchmark; its page on file formats.

@@ -1,4 +1,4 @@
-"""Write a demonstration as a table that every tool reads: CSV with a header, metres and seconds."""
+"""Write a demonstration as a table for any tool: CSV with a header, metres and seconds."""
 
 from __future__ import annotations
 

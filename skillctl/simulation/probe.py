@@ -1,4 +1,4 @@
-"""What is in a URDF file; read in a child process, which a damaged file or mesh may crash."""
+"""The joints in a URDF file, read in a child process, which a damaged file or mesh may crash."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from typing import Any
 from skillctl.errors import InputDataError
 from skillctl.simulation.bullet import load_bullet, silenced
 
-STEPS = 24  # of physics: enough for masses that make no sense to show
+STEPS = 24  # of physics: after these, impossible masses give values that are not finite
 BOUNDED = ("revolute", "prismatic")
 JOINT_TYPES = (*BOUNDED, "continuous", "fixed")
 FIXED = 4  # Bullet's number of this type
 
 
 def joints(path: str) -> list[dict[str, Any]]:
-    """Return what PyBullet makes of the joints in a URDF file, see ``_joint``.
+    """Return the joints that PyBullet finds in a URDF file, see ``_joint``.
 
     Raises:
-        InputDataError: It is none, or cannot be simulated; what follows "this URDF file" in a sentence.
+        InputDataError: The file is not a URDF file, or cannot be simulated. The text continues a
+            sentence that begins with "this URDF file".
     """
     try:
         root = Xml.parse(path).getroot()
@@ -88,9 +89,9 @@ def _joint(info: tuple[Any, ...], continuous: set[str | None]) -> dict[str, Any]
 
 @contextmanager
 def _chatter() -> Iterator[list[str]]:
-    """Give a list that holds, after the block, what C code has printed in it: the first 64 KiB at least."""
+    """Yield a list that holds, after the block, what C code has printed: at least the first 64 KiB."""
     reading, writing = os.pipe()
-    os.set_blocking(writing, False)  # what does not fit into the pipe is lost, and nobody waits
+    os.set_blocking(writing, False)  # what does not fit into the pipe is lost, and writing never blocks
     printed: list[str] = []
     with silenced(1, writing), silenced(2, writing):
         yield printed

@@ -16,15 +16,15 @@ Backend: TypeAlias = Literal["processes", "dask"]
 
 
 class WorkerDied:
-    """Stands in place of a result whose process ended without one: by a crash in C, or killed."""
+    """The result of an item whose process crashed or was killed."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work.
+    """Where work is done.
 
     Attributes:
-        jobs: Number of processes of this machine.
+        jobs: Number of processes on this machine.
         scheduler: Address of a Dask scheduler, whose workers are used instead.
     """
 
@@ -37,7 +37,7 @@ class Workers:
 
     @classmethod
     def chosen(cls, jobs: int | None, backend: Backend, scheduler: str | None) -> Workers:
-        """Return the workers that options name.
+        """Return the workers that the options select.
 
         Raises:
             UsageError: The options contradict each other.
@@ -46,16 +46,16 @@ class Workers:
             if not scheduler:
                 raise UsageError(
                     "--backend dask needs the address of a scheduler.",
-                    hint="Add --scheduler tcp://HOST:8786; `dask scheduler` starts one and says its address.",
+                    hint="Add --scheduler tcp://HOST:8786; `dask scheduler` prints it when it starts.",
                 )
             if jobs is not None:
                 raise UsageError(
-                    "--jobs counts processes of this machine; a cluster has as many workers as it has.",
+                    "--jobs counts processes of this machine, not the workers of a cluster.",
                     hint="Leave out --jobs.",
                 )
             return cls(scheduler=scheduler)
         if scheduler is not None:
-            raise UsageError("--scheduler is about a cluster.", hint="Add --backend dask.")
+            raise UsageError("--scheduler names a cluster.", hint="Add --backend dask.")
         return cls(1 if jobs is None else jobs)
 
     def run(
@@ -71,14 +71,14 @@ class Workers:
         Args:
             task: Picklable; the same item must give the same result in any process. It has one thread for
                 linear algebra.
-            items: What to call it with, picklable.
-            done: Called with (position, result) as soon as each is there, in any order.
+            items: Arguments of ``task``, picklable.
+            done: Called with (position, result) as soon as each is known, in any order.
             isolated: Use processes of their own even for one job, because the task may crash.
 
         Raises:
-            NotFoundError: There is no such cluster, or what it takes is not installed.
-            StoreError: The cluster was lost, or works elsewhere or with other versions.
-            Whatever ``task`` raises, for the first item that is noticed.
+            NotFoundError: There is no such cluster, or Dask is not installed.
+            StoreError: The cluster was lost, or its workers have another directory or other versions.
+            Whatever ``task`` raises, for the first item that fails.
         """
         results: dict[int, Result | WorkerDied] = {}
         with closing(self._stream(task, items, isolated)) as stream:  # an exception ends all processes

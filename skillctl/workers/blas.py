@@ -18,8 +18,8 @@ _limits: list[Any] = []
 def one_blas_thread() -> Iterator[None]:
     """Hold every BLAS library of the process at one thread; the last holder to leave restores what was.
 
-    The limit belongs to the process, so that holders in several threads share it: were each to restore what
-    it found, one would lift the limit under another, and the last would leave it in place for good.
+    The limit belongs to the process, so that holders in several threads share it. If each holder
+    restored what it found, one would lift the limit under another, and the last would leave it in place.
     """
     global _holders
     with _lock:
@@ -39,7 +39,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _let_this_thread_set_limits() -> None:
-    """Take back what newer threadpoolctl grants the first thread alone, ignoring the limits of all others."""
+    """Let this thread set limits: threadpoolctl 3.8 ignores those of all threads but the first."""
     release = getattr(threadpoolctl.OpenBLASController, "clear_controlling_thread", None)
     if release is not None:
         release(force=True)

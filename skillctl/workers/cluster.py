@@ -31,15 +31,15 @@ def run_on_cluster(
 ) -> Generator[tuple[int, Result | WorkerDied], None, None]:
     """Yield (position, task(item)) for every item, in the order in which they are done.
 
-    The scheduler tries an item whose worker dies again elsewhere, three times unless configured otherwise;
-    then it gives up all that the last worker had to do. Such items are run again one at a time: what dies
-    there, too, has died by itself.
+    When a worker dies, the scheduler tries its items elsewhere, three times unless configured otherwise. Then
+    it gives up all items of the last worker, whichever of them was the cause. These items are run again
+    one at a time; an item whose worker dies then has caused it.
 
     Raises:
-        UsageError: That is no address.
+        UsageError: ``scheduler`` is not an address.
         NotFoundError: Dask is not installed, no scheduler answers, or it has no worker.
-        StoreError: The cluster was lost, or a worker is not where we are.
-        Whatever ``task`` raises, for the first item that is noticed.
+        StoreError: The cluster was lost, or a worker has another directory or other versions.
+        Whatever ``task`` raises, for the first item that fails.
     """
     with _connected(scheduler) as client:
         here = surroundings()
@@ -85,8 +85,7 @@ def _in_same_surroundings(here: dict[str, str], task: Callable[[Item], Result], 
     for name, expected in here.items():
         if there.get(name) != expected:
             raise StoreError(
-                f"a worker of the cluster works elsewhere: {name} is {there.get(name)} there and {expected} "
-                "here.",
+                f"a worker of the cluster differs: {name} is {there.get(name)} there and {expected} here.",
                 hint="Start `dask worker` in this directory, with the same packages and surroundings.",
             )
     with _one_at_a_time, one_blas_thread():

@@ -22,11 +22,11 @@ def run_in_processes(
     Args:
         task: A function at the top level of a module, not of the program itself; the same item must give the
             same result in any process.
-        items: What to call it with, picklable.
+        items: Arguments of ``task``, picklable.
         jobs: How many processes.
 
     Raises:
-        Whatever ``task`` raises, for the first item that is noticed.
+        Whatever ``task`` raises, for the first item that fails.
     """
     idle: SimpleQueue[Child] = SimpleQueue()
 
@@ -41,7 +41,7 @@ def run_in_processes(
             idle.put(child)
 
     with ExitStack() as stack:
-        threads = stack.enter_context(ThreadPoolExecutor(jobs))  # one waits for each process
+        threads = stack.enter_context(ThreadPoolExecutor(jobs))  # each waits for one process
         for _ in range(jobs):
             idle.put(stack.enter_context(Child()))
         stack.callback(threads.shutdown, wait=False, cancel_futures=True)  # before the children are ended

@@ -1,4 +1,4 @@
-"""One thread for linear algebra in every worker: none fights for cores, and sums are the same everywhere."""
+"""One thread for linear algebra in every worker: they do not compete for cores, and sums are the same."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def test_without_dt_the_period_follows_from_steps_and_velocities(save_mat, cell)
 
 
 def test_without_dt_and_without_motion_the_period_is_asked_for(save_mat, cell) -> None:
-    with pytest.raises(InputDataError, match="says nothing about time"):
+    with pytest.raises(InputDataError, match="has no times"):
         read_demonstrations([save_mat({"data": cell(np.vstack([np.eye(2), np.zeros((2, 2))]))})])
 
 

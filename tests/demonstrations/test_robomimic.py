@@ -95,7 +95,7 @@ def test_another_datasets_hand_is_offered(save_robomimic, motions) -> None:
 )  # fmt: skip
 def test_without_a_usable_frequency_the_period_is_asked_for(save_robomimic, motions, env_args) -> None:
     path = save_robomimic(motions[:1], env_args=env_args)
-    with pytest.raises(InputDataError, match="demo_0: it says nothing about time") as error:
+    with pytest.raises(InputDataError, match="demo_0: it has no times") as error:
         read_demonstrations([path])
     assert "--dt" in error.value.hint
 
@@ -108,7 +108,7 @@ def test_a_given_period_counts_where_the_file_has_none(save_robomimic, motions) 
     assert demonstration.times[:3].tolist() == [0, 0.5, 1]
     result = read_demonstrations([save_robomimic(motions[:1])], dt=0.5)
     assert result.demonstrations.demonstrations[0].times[1] == 1 / 20
-    assert "--dt is not used where a file says when its samples were taken." in result.notes
+    assert "--dt is not used for files that contain times." in result.notes
 
 
 # ------------------------------------------------------------------------------------- other layouts

@@ -135,7 +135,7 @@ def test_a_sheet_exported_with_decimal_commas_is_read(read_text) -> None:
 def test_without_time_the_period_is_asked_for(read_text) -> None:
     text = "x,y\n0,0\n1,1\n3,3\n"
     assert only(read_text(text, dt=0.5)).times.tolist() == [0, 0.5, 1]
-    with pytest.raises(InputDataError, match="says nothing about time") as refusal:
+    with pytest.raises(InputDataError, match="has no times") as refusal:
         read_text(text)
     assert "--dt" in refusal.value.hint
 
@@ -143,7 +143,7 @@ def test_without_time_the_period_is_asked_for(read_text) -> None:
 def test_a_time_column_wins_over_a_period(read_text) -> None:
     result = read_text(PLAIN, dt=7.0)
     assert only(result).times.tolist() == [0, 0.1, 0.2]
-    assert result.notes == ("--dt is not used where a file says when its samples were taken.",)
+    assert result.notes == ("--dt is not used for files that contain times.",)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_options_name_the_workers(options, workers: Workers) -> None:
         ((0, "processes", None), "jobs: must be at least 1, got 0"),
         ((None, "dask", None), "--backend dask needs the address of a scheduler"),
         ((2, "dask", "tcp://a:1"), "--jobs counts processes of this machine"),
-        ((None, "processes", "tcp://a:1"), "--scheduler is about a cluster"),
+        ((None, "processes", "tcp://a:1"), "--scheduler names a cluster"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(options, words: str) -> None:
