@@ -25,11 +25,7 @@ SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
 HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]
 DEPTH = 0.63  # x of the cup [m]
 PLACES = tuple(f"{height}-{side}" for height in HEIGHTS for side in SIDES)
-TASKS = (
-    "bottom-left",
-    "bottom-right",
-    "top-centre",
-)  # the places that the examples demonstrate; the others are for tests
+TASKS = ("bottom-left", "bottom-right", "top-centre")  # of the examples; the other places are for tests
 COUNT, SEED = 8, 0  # demonstrations per task, and their seed
 
 Box: TypeAlias = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]  # of x, y and z [m]

@@ -54,33 +54,26 @@ def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
     path = file.path
     text = io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
     try:
-        names, body = _opened(text, header, path)
-        layout = _layout(names, file.columns, path)
-        blocks = list(_blocks(body, layout, path))
+        names, delimiter, lines, above = _opened(text, header, path)
+        layout = _layout(names, delimiter, file)
+        blocks = list(_blocks(lines, above, layout))
     except UnicodeDecodeError as error:
         raise InputDataError(f"{path}: not UTF-8 text.", hint="Save the table as UTF-8.") from error
     except csv.Error as error:
         raise InputDataError(f"{path}: not a table ({error}).", hint="Export it as CSV again.") from error
     if not blocks:
         raise InputDataError(f"{path}: a header but no rows.", hint="Record or export it again.")
-    lines, values, demos = zip(*blocks, strict=True)
-    return _split(layout, path, np.concatenate(lines), np.concatenate(values), list(chain(*demos)))
-
-
-@dataclass(frozen=True, slots=True)
-class _Body:
-    """The lines after the header: how many came before them, and what separates their cells."""
-
-    lines: Iterator[str]
-    consumed: int
-    delimiter: str
+    numbers, values, demos = zip(*blocks, strict=True)
+    return _split(layout, np.concatenate(numbers), np.concatenate(values), list(chain(*demos)))
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """The meaning of the columns.
+    """The columns of a table.
 
     Attributes:
+        path: The file, for messages.
+        delimiter: Separates the cells of a line.
         names: All columns of the header.
         time, demo: Their columns, None if absent.
         ticks: Units of the time column in a second.
@@ -89,6 +82,8 @@ class _Layout:
         unused: Names of columns that are not used, although the user did not choose columns.
     """
 
+    path: Path
+    delimiter: str
     names: tuple[str, ...]
     time: int | None
     demo: int | None
@@ -103,7 +98,10 @@ class _Layout:
         return self.positions if self.time is None else (self.time, *self.positions)
 
 
-def _opened(text: Iterator[str], header: Sequence[str] | None, path: Path) -> tuple[Sequence[str], _Body]:
+def _opened(
+    text: Iterator[str], header: Sequence[str] | None, path: Path
+) -> tuple[Sequence[str], str, Iterator[str], int]:
+    """Return the column names, the delimiter, the lines of rows, and the number of lines above them."""
     comment = ""
     for number, line in enumerate(text, start=1):
         if line.strip().startswith(COMMENT):
@@ -112,9 +110,9 @@ def _opened(text: Iterator[str], header: Sequence[str] | None, path: Path) -> tu
             delimiter = _delimiter(line)
             cells, above = _cells(line, delimiter), _cells(comment, delimiter)
             if not any(map(_is_number, cells)):
-                return header or cells, _Body(text, number, delimiter)
+                return header or cells, delimiter, text, number
             if header or (len(above) == len(cells) and not any(map(_is_number, above))):
-                return header or above, _Body(chain([line], text), number - 1, delimiter)
+                return header or above, delimiter, chain([line], text), number - 1
             raise InputDataError(
                 f"{path}, line {number}: numbers where the names of the columns should be.",
                 hint="Add a header as first line, such as t,x,y,z.",
@@ -147,7 +145,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _layout(header: Sequence[str], columns: Sequence[str] | None, path: Path) -> _Layout:
+def _layout(header: Sequence[str], delimiter: str, file: File) -> _Layout:
+    path, columns = file.path, file.columns
     names = tuple(name.strip() for name in header)
     asked = set(columns or ())
     time = next((i for i, name in enumerate(names) if TIME.fullmatch(name) and name not in asked), None)
@@ -170,7 +169,7 @@ def _layout(header: Sequence[str], columns: Sequence[str] | None, path: Path) ->
     unused = () if columns is not None else tuple(names[i] for i in free if i not in positions)
     ticks = 1.0 if time is None else _ticks(names[time])
     labels = _labels([names[i] for i in positions], columns)
-    return _Layout(names, time, demo, ticks, positions, labels, unused)
+    return _Layout(path, delimiter, names, time, demo, ticks, positions, labels, unused)
 
 
 def _labels(chosen: Sequence[str], columns: Sequence[str] | None) -> tuple[str, ...]:
@@ -185,23 +184,22 @@ def _ticks(name: str) -> float:
     return TICKS[(match[1] or match[2] or "s").lower()] if match else 1.0
 
 
-def _blocks(body: _Body, layout: _Layout, path: Path) -> Iterator[Block]:
-    consumed = body.consumed
-    while lines := list(islice(body.lines, ROWS)):
-        plain = _plain(lines, layout, body.delimiter)
+def _blocks(text: Iterator[str], consumed: int, layout: _Layout) -> Iterator[Block]:
+    while lines := list(islice(text, ROWS)):
+        plain = _plain(lines, layout)
         if plain is not None:
             yield np.arange(consumed, consumed + len(lines)) + 1, *plain
-        elif rows := list(_rows(lines, body.delimiter, consumed)):
-            yield _block(rows, layout, body.delimiter, path)
+        elif rows := list(_rows(lines, layout.delimiter, consumed)):
+            yield _block(rows, layout)
         consumed += len(lines)
 
 
-def _plain(lines: list[str], layout: _Layout, delimiter: str) -> tuple[FloatArray, list[str]] | None:
+def _plain(lines: list[str], layout: _Layout) -> tuple[FloatArray, list[str]] | None:
     """Return a block's numbers and demo column, parsed in one go; None if a line needs ``_block``."""
     text = "".join(lines)
     if text.isspace() or any(mark in text for mark in (*COMMENT, '"')):
         return None
-    separator = None if delimiter == " " else delimiter
+    separator = None if layout.delimiter == " " else layout.delimiter
     width = len(layout.names)
     # NumPy counts the cells of a row if it reads all of them.
     some = layout.numeric if len(layout.numeric) < width else None
@@ -220,35 +218,35 @@ def _plain(lines: list[str], layout: _Layout, delimiter: str) -> tuple[FloatArra
     return values, [line.split(separator)[layout.demo].strip() for line in lines]
 
 
-def _block(rows: list[Row], layout: _Layout, delimiter: str, path: Path) -> Block:
+def _block(rows: list[Row], layout: _Layout) -> Block:
     """Return a block, parsed cell by cell, so that a message can name the cell that is wrong."""
     width = len(layout.names)
     for line, cells in rows:
         if len(cells) != width:
             raise InputDataError(
-                f"{path}, line {line}: {len(cells)} cells, but there are {width} columns.",
+                f"{layout.path}, line {line}: {len(cells)} cells, but there are {width} columns.",
                 hint="A recording that was cut off? Remove the incomplete line.",
             )
     texts = [[cells[i] for i in layout.numeric] for _, cells in rows]
-    if delimiter != ",":
+    if layout.delimiter != ",":
         texts = [[cell.replace(",", ".") for cell in row] for row in texts]
     try:
         values = np.array(texts, dtype=np.float64)
     except ValueError as error:
-        raise _not_a_number(rows, texts, layout, path) from error
+        at, column = next(
+            (at, column)
+            for at, row in enumerate(texts)
+            for column, cell in zip(layout.numeric, row, strict=True)
+            if not _is_number(cell)
+        )
+        raise _not_a_number(rows[at], column, layout) from error
     demos = [] if layout.demo is None else [cells[layout.demo].strip() for _, cells in rows]
     return np.array([line for line, _ in rows]), values, demos
 
 
-def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, path: Path) -> InputDataError:
-    """Return the refusal of the first cell of a block that is not a number."""
-    line, column, cell = next(
-        (line, column, cells[column])
-        for (line, cells), row in zip(block, texts, strict=True)
-        for column, cell in zip(layout.numeric, row, strict=True)
-        if not _is_number(cell)
-    )
-    where = f"{path}, line {line}, column '{printable(layout.names[column])}'"
+def _not_a_number(row: Row, column: int, layout: _Layout) -> InputDataError:
+    line, cell = row[0], row[1][column]
+    where = f"{layout.path}, line {line}, column '{printable(layout.names[column])}'"
     if not cell:
         return InputDataError(f"{where}: an empty cell.", hint=GAPS)
     return InputDataError(
@@ -257,9 +255,7 @@ def _not_a_number(block: list[Row], texts: list[list[str]], layout: _Layout, pat
     )
 
 
-def _split(
-    layout: _Layout, path: Path, lines: IntArray, values: FloatArray, demos: list[str]
-) -> list[Recording]:
+def _split(layout: _Layout, lines: IntArray, values: FloatArray, demos: list[str]) -> list[Recording]:
     """Return one recording per value of the demo column, in the order of their first rows."""
     times, positions = (None, values) if layout.time is None else (values[:, 0] / layout.ticks, values[:, 1:])
     number = {value: i for i, value in enumerate(dict.fromkeys(demos))}
@@ -268,7 +264,7 @@ def _split(
     members = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
     return [
         Recording(
-            path,
+            layout.path,
             positions[rows],
             times=None if times is None else times[rows],
             names=layout.labels,
