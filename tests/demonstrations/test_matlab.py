@@ -43,7 +43,8 @@ def test_numbers_of_every_class_arrive(save_mat, variables, compressed: bool) ->
 
 def test_only_matrices_with_numbers_are_matrices() -> None:
     assert matlab.matrix(np.eye(2)).tolist() == [[1, 0], [0, 1]]
-    for other in (np.zeros((2, 2, 2)), np.zeros((0, 3)), [np.eye(2)], {}, None):
+    others: list[matlab.Value] = [np.zeros((2, 2, 2)), np.zeros((0, 3)), [np.eye(2)], {}, None]
+    for other in others:
         assert matlab.matrix(other) is None
 
 
