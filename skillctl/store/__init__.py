@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
     from skillctl.store.files import write_file
-    from skillctl.store.locating import locate, locate_store
     from skillctl.store.lockfile import (
         Lock,
         LockedSkill,
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.references import Reference, parse_reference
-    from skillctl.store.registry import Located, Registry, StoredVersion
+    from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store
     from skillctl.store.schema import (
         DemonstrationReport,
         InputRecord,
@@ -58,13 +57,12 @@ _HOMES = {
     for module, names in {
         "artifact": "Artifact contents_of metadata_of",
         "files": "write_file",
-        "locating": "locate locate_store",
         "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock "
         "write_lock",
         "provenance": "current_provenance input_fingerprint input_record",
         "reader": "decode digest_of read_skill",
         "references": "Reference parse_reference",
-        "registry": "Located Registry StoredVersion",
+        "registry": "Located Registry StoredVersion locate locate_store",
         "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance label metadata_schema",
         "seal": "Header read_header",
         "signing": "Signature add_signature make_signature read_private_key read_public_key read_signatures "

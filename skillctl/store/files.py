@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 import secrets
 import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, did_you_mean, printable
-from skillctl.store.errors import NotAnArtifactError
+from skillctl.errors import NotFoundError, StoreError, did_you_mean, printable
+from skillctl.store.errors import NotAnArtifactError, RefusedFileError
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
 STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that died
@@ -33,41 +31,20 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
         return file.read(limit + 1)
 
 
-def read_document(
-    read: Callable[[], bytes], name: str, invalid: Callable[[str, str], ArtifactError]
-) -> dict[str, Any]:
-    """Return the document in one of the store's own TOML files.
+@contextmanager
+def refused_as(error: type[RefusedFileError], name: str) -> Iterator[None]:
+    """Turn what is wrong with the bytes of one of the store's own text files into an error of its own class.
 
     Args:
-        read: Reads it.
+        error: The class.
         name: What the file is called in messages.
-        invalid: Makes the error for a file, by name, that is none, and the reason.
-
-    Raises:
-        NotFoundError: There is no such file.
-        ArtifactError: What ``invalid`` makes.
-        StoreError: The system does not let us read it.
     """
-    from skillctl.toml_files import parse_toml  # late: few commands meet such a file
-
     try:
-        return parse_toml(read())
-    except NotAnArtifactError as error:
-        raise invalid(name, error.reason) from None
-    except ValueError as error:
-        raise invalid(name, f"not TOML ({error})") from None
-
-
-def document_lines(values: Mapping[str, str | int]) -> str:
-    """Return the lines of a TOML table; keys and texts have no control characters, which TOML does not take.
-
-    Both are few and plain here, so that a review can read them: a library would be more than these lines.
-    """
-    lines = []
-    for key, value in values.items():
-        word = json.dumps(key) if "." in key else key  # a bare dot would nest tables
-        lines.append(f"{word} = {json.dumps(value, ensure_ascii=False)}\n")  # what JSON escapes, TOML reads
-    return "".join(lines)
+        yield
+    except NotAnArtifactError as refused:
+        raise error(name, refused.reason) from None
+    except ValueError as fault:
+        raise error(name, str(fault)) from None
 
 
 def read_beginning(path: Path, length: int, limit: int = MAX_FILE_BYTES) -> tuple[bytes, int]:
@@ -95,7 +72,7 @@ def _opened(path: Path, limit: int) -> Iterator[tuple[int, int]]:
             if not stat.S_ISREG(status.st_mode):
                 raise _not_a_file(path, status.st_mode)
             if status.st_size > limit:
-                raise NotAnArtifactError(str(path), f"larger than {limit >> 20} MiB, as no artifact is")
+                raise NotAnArtifactError(str(path), f"larger than {limit / (1 << 20):g} MiB")
             yield descriptor, status.st_size
     finally:
         os.close(descriptor)

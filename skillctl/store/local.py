@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
+import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import MAX_FILE_BYTES, read_beginning, read_once, sweep, write_file
-from skillctl.store.publishing import staged
+
+FILE_MODE = 0o444  # a version never changes
+TEMPORARY_PREFIX = ".publishing-"
 
 _OPEN_DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 # What `write_file` calls the halves of aliases and signatures; anybody else's files may lie beside them.
 _HALF = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
+# What a file system, or a kernel, without unnamed files answers.
+_UNSUPPORTED = {errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL, errno.ENOENT}
 
 
 class LocalBackend:
@@ -53,7 +59,7 @@ class LocalBackend:
         """Write ``data`` to a file without a name, synced, and give the function that links it to one."""
         self._make(folder)
         with self._opened(folder) as directory:
-            with staged(directory, data) as link:
+            with _staged(directory, data) as link:
                 yield link
             os.fsync(directory)
 
@@ -96,6 +102,55 @@ class LocalBackend:
             _is_directory(self.root / folder)  # whatever comes there later, no link is opened
         with _descriptor(self.root) as root, _descriptor(folder, root) as directory:
             yield directory
+
+
+@contextmanager
+def _staged(directory: int, data: bytes) -> Iterator[Callable[[str], None]]:
+    """Write ``data`` to a file without a final name, and give the function that names it.
+
+    The function links the file to a name in the directory; it raises FileExistsError, and changes nothing,
+    if that name is taken. An unlinked file leaves nothing behind.
+
+    Args:
+        directory: Open descriptor of the directory.
+        data: Contents.
+    """
+    sweep(directory, lambda name: name.startswith(TEMPORARY_PREFIX))
+    unnamed = _open_unnamed(directory)
+    if unnamed is not None:
+        source, descriptor = f"/proc/self/fd/{unnamed}", unnamed
+    else:
+        source = f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}"
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        descriptor = os.open(source, flags, 0o600, dir_fd=directory)
+    try:
+        _fill(descriptor, data)
+        yield lambda name: os.link(source, name, src_dir_fd=directory, dst_dir_fd=directory)
+    finally:
+        os.close(descriptor)
+        if unnamed is None:
+            with suppress(FileNotFoundError):
+                os.unlink(source, dir_fd=directory)
+
+
+def _open_unnamed(directory: int) -> int | None:
+    """Return a descriptor of a file that vanishes with its process, or None where there are no such files."""
+    if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):  # noqa: PTH112
+        return None
+    try:
+        return os.open(".", os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600, dir_fd=directory)
+    except OSError as error:
+        if error.errno in _UNSUPPORTED:
+            return None
+        raise
+
+
+def _fill(descriptor: int, data: bytes) -> None:
+    remaining = memoryview(data)
+    while remaining:
+        remaining = remaining[os.write(descriptor, remaining) :]
+    os.fchmod(descriptor, FILE_MODE)
+    os.fsync(descriptor)
 
 
 @contextmanager

@@ -12,10 +12,10 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import document_lines, read_document, read_once, write_file
-from skillctl.store.locating import locate, locate_store, upwards
+from skillctl.store.files import read_once, refused_as, write_file
 from skillctl.store.references import is_name, is_version, parse_reference
-from skillctl.store.registry import Located, Registry, existing_file
+from skillctl.store.registry import Located, Registry, existing_file, locate, locate_store, upwards
+from skillctl.toml_files import parse_toml, toml_lines
 
 LOCK_VARIABLE = "SKILLCTL_LOCK"
 LOCK_NAME = "skillctl.lock"
@@ -160,7 +160,8 @@ def read_lock(path: Path) -> Lock:
         StoreError: The system does not let us read it.
     """
     try:
-        document = read_document(lambda: read_once(path, MAX_LOCK_BYTES), str(path), InvalidLockError)
+        with refused_as(InvalidLockError, str(path)):
+            document = parse_toml(read_once(path, MAX_LOCK_BYTES))
     except NotFoundError:
         raise NotFoundError(
             f"{printable(str(path))}: there is no lock file.", hint="`skillctl lock SKILL…` writes one."
@@ -216,7 +217,7 @@ def _table(skill: LockedSkill) -> str:
     if skill.name is not None and skill.version is not None:
         values = {"reference": skill.reference, "name": skill.name, "version": skill.version}
     values["digest"] = skill.digest
-    return f"\n[[skill]]\n{document_lines(values)}"
+    return f"\n[[skill]]\n{toml_lines(values)}"
 
 
 def locked_skill(reference: str, located: Located, digest: str, lock: Path) -> LockedSkill:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from skillctl.errors import InputDataError, NotFoundError, printable
-from skillctl.store.errors import InvalidSignaturesError, NotAnArtifactError
-from skillctl.store.files import missing_file, read_once, system_errors, write_file
+from skillctl.store.errors import InvalidSignaturesError
+from skillctl.store.files import missing_file, read_once, refused_as, system_errors, write_file
+from skillctl.store.folder import SIGNATURE_SUFFIX
 from skillctl.store.local import locked_directory
-from skillctl.store.numbering import SIGNATURE_SUFFIX
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -100,14 +100,10 @@ def read_signatures(located: Located) -> tuple[Signature, ...]:
     """
     path = signatures_path(located.path)
     try:
-        lines = _read(located, path).decode("ascii").splitlines()
+        with refused_as(InvalidSignaturesError, str(path)):
+            lines = _read(located, path).decode("ascii").splitlines()
     except NotFoundError:
         return ()
-    except NotAnArtifactError as error:
-        reason = "too long" if error.reason.startswith("larger") else error.reason
-        raise InvalidSignaturesError(str(path), reason) from None
-    except UnicodeDecodeError:
-        raise InvalidSignaturesError(str(path), "not ASCII") from None
     found = []
     for number, line in enumerate(lines, start=1):
         if not line or line.startswith("#"):

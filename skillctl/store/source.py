@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skillctl.store.locating import locate
 from skillctl.store.reader import read_skill
+from skillctl.store.registry import Located, locate
 from skillctl.store.schema import DemonstrationReport, ParentRecord, label
 
 if TYPE_CHECKING:
     from skillctl.model.skill import Skill
     from skillctl.store.artifact import Artifact
     from skillctl.store.lockfile import Lock
-    from skillctl.store.registry import Located
 
 
 @dataclass(frozen=True, eq=False)

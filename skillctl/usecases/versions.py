@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skillctl.errors import UsageError, printable
 from skillctl.store import Reference, Registry, locate_store, parse_reference
-from skillctl.store.aliases import by_version
+from skillctl.store.folder import by_version
 
 
 @dataclass(frozen=True)
