@@ -192,5 +192,5 @@ def _descriptor(path: str | Path, within: int | None = None) -> Iterator[int]:
 def _is_directory(path: Path) -> bool:
     """Tell whether a directory stands at ``path``; a link to one is an error."""
     if path.is_symlink():
-        raise UnsafeStoreError(str(path))
+        raise UnsafeStoreError(str(path), "a symbolic link")
     return path.is_dir()

@@ -9,16 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from skillctl.store.errors import (
-    InvalidArtifactError,
-    Refusal,
-    TooNewFormatError,
-    TooOldFormatError,
-    formats,
-)
+from skillctl.store.errors import InvalidArtifactError, Refusal, TooNewFormatError, TooOldFormatError
 
 FORMAT_VERSION: Final = 2  # what is written
 READABLE_FORMATS = tuple(range(1, FORMAT_VERSION + 1))  # for ever
+_READS = f"this build reads formats {', '.join(map(str, READABLE_FORMATS))}"
 
 
 def mark_of(version: int) -> bytes:
@@ -35,13 +30,10 @@ def require_format(name: str, found: object) -> None:
     """
     if type(found) is not int:  # True is an int, too
         shown = "no format version" if found is None else f"format version {str(found)[:40]!r}"
-        raise InvalidArtifactError(
-            name, f"it states {shown}, not a whole number; this build reads {formats(READABLE_FORMATS)}"
-        )
-    if found > FORMAT_VERSION:
-        raise TooNewFormatError(name, found, READABLE_FORMATS)
+        raise InvalidArtifactError(name, f"it states {shown}, not a whole number; {_READS}")
     if found not in READABLE_FORMATS:
-        raise TooOldFormatError(name, found, READABLE_FORMATS)
+        error = TooNewFormatError if found > FORMAT_VERSION else TooOldFormatError
+        raise error(name, f"{found}; {_READS}")
 
 
 def migrated(meta: dict[str, Any], version: int) -> dict[str, Any]:
