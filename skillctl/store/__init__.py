@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
-    from skillctl.store.files import write_file
+    from skillctl.store.files import write_changed, write_file
     from skillctl.store.lockfile import (
         Lock,
         LockedSkill,
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
         lock_text,
         locked_skill,
         read_lock,
-        write_lock,
     )
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
@@ -56,9 +55,8 @@ _HOMES = {
     name: module
     for module, names in {
         "artifact": "Artifact contents_of metadata_of",
-        "files": "write_file",
-        "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock "
-        "write_lock",
+        "files": "write_changed write_file",
+        "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock",
         "provenance": "current_provenance input_fingerprint input_record",
         "reader": "decode digest_of read_skill",
         "references": "Reference parse_reference",

@@ -137,6 +137,19 @@ def write_file(path: Path, data: bytes) -> None:
             raise
 
 
+def write_changed(path: Path, data: bytes) -> bool:
+    """Write a file unless it has these bytes already; return whether it was written.
+
+    Raises:
+        StoreError: See ``write_file``.
+    """
+    with suppress(OSError):  # the writer says what is wrong
+        if path.is_file() and path.read_bytes() == data:
+            return False
+    write_file(path, data)
+    return True
+
+
 def _sweep_beside(path: Path) -> None:
     left_over = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}\.tmp")
     with suppress(OSError):  # a directory that one may write to, but not list

@@ -12,7 +12,7 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import read_once, refused_as, write_file
+from skillctl.store.files import read_once, refused_as
 from skillctl.store.references import is_name, is_version, parse_reference
 from skillctl.store.registry import Located, Registry, existing_file, locate, locate_store, upwards
 from skillctl.toml_files import parse_toml, toml_lines
@@ -246,17 +246,3 @@ def locate_again(skill: LockedSkill, lock: Path, store: Path | None = None) -> L
     if skill.name is None:
         return existing_file(lock.parent / skill.reference)
     return locate(skill.reference, store)
-
-
-def write_lock(path: Path, text: str) -> bool:
-    """Write a lock file unless it says this already; return whether it was written.
-
-    Raises:
-        StoreError: No permission, no space.
-    """
-    data = text.encode("utf-8")
-    with suppress(OSError):  # the writer says what is wrong
-        if path.is_file() and path.read_bytes() == data:
-            return False
-    write_file(path, data)
-    return True

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, UsageError, printable, require_directory
-from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_file
+from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_changed
 from skillctl.store.errors import LaterFeatureError, NotAnArtifactError, TooNewFormatError
 from skillctl.store.schema import MAX_TEXT
 from skillctl.store.source import display_name
@@ -100,10 +100,7 @@ class Destination:
         if isinstance(place, str):
             stored = Registry(locate_store(self.store)).publish(place, data)
             return Written(f"{place}@{stored.version}", stored.path, stored.digest, stored.created)
-        same = place.is_file() and place.read_bytes() == data
-        if not same:
-            write_file(place, data)
-        return Written(str(place), place, artifact.digest, not same)
+        return Written(str(place), place, artifact.digest, write_changed(place, data))
 
     @property
     def _place(self) -> Path | str:

@@ -1,4 +1,4 @@
-"""Who vouches for a skill: signatures of its content, made and verified."""
+"""Signatures of what a skill holds: made and verified."""
 
 from __future__ import annotations
 
@@ -21,39 +21,41 @@ from skillctl.store.source import Source, open_skill
 
 
 @dataclass(frozen=True)
-class SignReport:
-    """What ``sign`` did.
+class _Signed:
+    """A skill, a key, and where the signature is.
 
     Attributes:
-        skill, digest: What was signed.
-        path: Where the signature is.
-        key: Public key that verifies it, ``ed25519:…``.
-        created: False if it was there already.
+        skill, digest: The skill.
+        path: The file of its signatures, which need not exist.
+        key: The public key, ``ed25519:…``.
     """
 
     skill: str
     digest: str
     path: Path
     key: str
+
+
+@dataclass(frozen=True)
+class SignReport(_Signed):
+    """What ``sign`` did.
+
+    Attributes:
+        created: False if the signature was there already.
+    """
+
     created: bool
 
 
 @dataclass(frozen=True)
-class SignatureReport:
+class SignatureReport(_Signed):
     """Whether a key has signed a skill.
 
     Attributes:
-        skill, digest: The skill.
-        path: Where signatures are looked for.
-        key: The public key, ``ed25519:…``.
         state: ``valid``; ``invalid``; it signed ``other content``; only an ``other key`` did; ``unsigned``.
-        explanation: That in a sentence.
+        explanation: The same as a sentence.
     """
 
-    skill: str
-    digest: str
-    path: Path
-    key: str
     state: SignatureState
     explanation: str
 
