@@ -7,13 +7,13 @@ its version is removed. Aliases are text, in ``refs.toml``, so that a review sho
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skillctl.errors import NotFoundError, SkillctlError, StoreError, UsageError, printable
+from skillctl.errors import NotFoundError, SkillctlError, StoreError, UsageError, did_you_mean, printable
 from skillctl.store.backend import Backend
 from skillctl.store.errors import InvalidRefsError
 from skillctl.store.files import refused_as, system_errors
@@ -58,7 +58,7 @@ class Folder:
         return parse_header(*self.backend.beginning(self.name, file, SEAL_BYTES), self._shown(file))
 
     def stated_digest(self, version: int) -> str | None:
-        """Return the content digest that a version states; whoever reads the version checks it."""
+        """Return the content digest that a version states; a reader of the version checks it."""
         with suppress(SkillctlError):
             return self.header(version).digest
         return None
@@ -68,6 +68,71 @@ class Folder:
         with suppress(SkillctlError):
             return self.backend.read(self.name, _file(version)) == data
         return False
+
+    def select(self, selector: int | str, numbers: Sequence[int]) -> int:
+        """Return the version that the selector of a reference means.
+
+        Args:
+            selector: See ``Reference``.
+            numbers: The versions, rising, at least one.
+
+        Raises:
+            NotFoundError: No such version or alias.
+            UsageError: The beginning of more than one digest.
+        """
+        if selector == "latest":
+            return numbers[-1]
+        if isinstance(selector, str):
+            by = self._with_digest if selector.startswith("sha256:") else self._with_alias
+            return by(selector, numbers)
+        if selector in numbers:
+            return selector
+        # Numbers are given without gaps, so one that is missing below another was there once.
+        removed = ": it was removed" if selector < numbers[-1] else ""
+        raise NotFoundError(
+            f"{self.name} has no version {selector}{removed}.",
+            hint=f"It has {ranges(numbers)}; `{self.name}` alone names the newest.",
+        )
+
+    def _with_alias(self, alias: str, numbers: Sequence[int]) -> int:
+        aliases = self.aliases()
+        if alias not in aliases:
+            raise self.unknown_alias(alias, list(aliases))
+        if aliases[alias] not in numbers:
+            raise NotFoundError(
+                f"{self.name}@{alias} is version {aliases[alias]}, which does not exist.",
+                hint=f"It has {ranges(numbers)}; `skillctl tag {self.name}@N {alias}` moves the alias.",
+            )
+        return aliases[alias]
+
+    def unknown_alias(self, alias: str, known: Sequence[str]) -> NotFoundError:
+        """Return the error for an alias that the skill does not have."""
+        hint = (
+            did_you_mean(alias, {word: f"{self.name}@{word}" for word in known}, cutoff=0.5)
+            or what_there_is(known)
+            or f"It has no aliases yet; `skillctl tag {self.name}@N {alias}` makes one."
+        )
+        return NotFoundError(f"{self.name} has no alias {alias}.", hint=hint)
+
+    def _with_digest(self, beginning: str, numbers: Sequence[int]) -> int:
+        found: dict[int, str] = {}
+        for number in reversed(numbers):
+            digest = self.stated_digest(number) or ""
+            if digest == beginning:
+                return number
+            if digest.startswith(beginning):
+                found[number] = digest
+        if not found:
+            raise NotFoundError(
+                f"no version of {self.name} has a content digest beginning {beginning}.",
+                hint=f"It has {ranges(numbers)}; `skillctl ls {self.name}` shows their digests.",
+            )
+        if len(set(found.values())) > 1:
+            raise UsageError(
+                f"{len(found)} versions of {self.name} have a content digest beginning {beginning}.",
+                hint=f"Give more digits: {', '.join(found.values())}.",
+            )
+        return next(iter(found))
 
     def newest_with(self, digest: str) -> int | None:
         """Return the newest version if it has this content, which is computed and not believed."""
@@ -126,9 +191,9 @@ class Folder:
         self.backend.delete(self.name, [f"{number}.removed" for number in lower])
 
     def _remove_orphans(self) -> None:
-        """Remove signatures of versions that are gone, as whoever was killed while removing has left them.
+        """Remove signatures of versions that are gone, left by a process that was killed while removing.
 
-        A version goes before its signatures, so that one that is there never loses them. The caller holds the
+        A version goes before its signatures, so a version that exists never loses them. The caller holds the
         lock, shared or not: nobody signs or removes meanwhile.
         """
         files = set(self.backend.files(self.name))
@@ -149,7 +214,7 @@ class Folder:
         """Return the version of each alias, by alias; none without the file.
 
         Raises:
-            InvalidRefsError: The file is not TOML, or holds something else than versions of aliases.
+            InvalidRefsError: The file is not TOML, or holds something other than versions by alias.
             StoreError: The system does not let us read it.
         """
         from skillctl.toml_files import parse_toml  # late: few commands meet such a file
@@ -206,6 +271,19 @@ def _checked(document: Mapping[str, Any], path: str) -> dict[str, int]:
         if type(version) is not int or not is_version(str(version)):
             raise InvalidRefsError(path, f"{alias} = {str(version)[:40]} is not a version number")
     return aliases
+
+
+def what_there_is(known: Sequence[str]) -> str:
+    """Return ``It has …`` with the first few of the known words, or nothing."""
+    return f"It has {', '.join(known[:8])}{' …' if len(known) > 8 else ''}." if known else ""
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Return ``version 1``, ``versions 1 to 7`` or ``versions 1 to 7 (5 of them)``."""
+    if len(numbers) == 1:
+        return f"version {numbers[0]}"
+    gaps = f" ({len(numbers)} of them)" if numbers[-1] - numbers[0] >= len(numbers) else ""
+    return f"versions {numbers[0]} to {numbers[-1]}{gaps}"
 
 
 def by_version(aliases: Mapping[str, int]) -> dict[int, tuple[str, ...]]:

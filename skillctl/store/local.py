@@ -18,9 +18,9 @@ FILE_MODE = 0o444  # a version never changes
 TEMPORARY_PREFIX = ".publishing-"
 
 _OPEN_DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-# What `write_file` calls the halves of aliases and signatures; anybody else's files may lie beside them.
-_HALF = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
-# What a file system, or a kernel, without unnamed files answers.
+# The temporary files of aliases and signatures, as `write_file` names them; other files may lie beside them.
+_TEMPORARY = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
+# The answers of a file system, or a kernel, that has no files without names.
 _UNSUPPORTED = {errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL, errno.ENOENT}
 
 
@@ -35,7 +35,7 @@ class LocalBackend:
         self.place = str(root)
 
     def folders(self) -> tuple[str, ...]:
-        """Return the names of all directories; a link is none."""
+        """Return the names of all directories; a link does not count."""
         if not _is_directory(self.root):
             return ()
         return tuple(entry.name for entry in os.scandir(self.root) if entry.is_dir(follow_symlinks=False))
@@ -79,7 +79,7 @@ class LocalBackend:
     def locked(self, folder: str, *, shared: bool = False) -> Iterator[None]:
         """Hold the lock of the directory, and remove what killed writers have left there."""
         with self._opened(folder) as directory, flocked(directory, shared=shared):
-            sweep(directory, lambda name: _HALF.fullmatch(name) is not None)
+            sweep(directory, lambda name: _TEMPORARY.fullmatch(name) is not None)
             yield
 
     def path(self, folder: str, file: str) -> Path:
@@ -99,7 +99,7 @@ class LocalBackend:
     def _opened(self, folder: str) -> Iterator[int]:
         """Open the directory of a folder, through no symbolic link."""
         if _is_directory(self.root):
-            _is_directory(self.root / folder)  # whatever comes there later, no link is opened
+            _is_directory(self.root / folder)  # for its message; opening follows no link either
         with _descriptor(self.root) as root, _descriptor(folder, root) as directory:
             yield directory
 
@@ -157,11 +157,11 @@ def _fill(descriptor: int, data: bytes) -> None:
 def flocked(directory: int, *, shared: bool = False) -> Iterator[None]:
     """Hold the lock of a directory, given as a descriptor; the system releases it when a process dies.
 
-    Writers of new versions share it; it only keeps them from taking a number while that is being removed.
+    Writers of new versions share it: it only keeps them from taking a number that is being removed.
     """
     try:
         fcntl.flock(directory, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
-    except OSError:  # a file system without locks: publishing needs none but against removal
+    except OSError:  # a file system without locks; only removal needs them
         if not shared:
             raise
     yield  # closing the descriptor releases it

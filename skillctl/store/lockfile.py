@@ -1,4 +1,4 @@
-"""``skillctl.lock``: which skills a pipeline may use, by content; text, so that a review shows an upgrade."""
+"""``skillctl.lock``: which skills a pipeline may use, by content; a text, so that a review shows changes."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class LockedSkill:
     """One skill that a lock names.
 
     Attributes:
-        reference: How it was asked for: ``reach``, ``reach@release``; of a file, its path as seen from the
-            directory of the lock.
+        reference: The reference that was given: ``reach``, ``reach@release``; of a file, its path relative to
+            the directory of the lock.
         digest: Content digest, ``sha256:…``.
         name, version: What the reference meant; None for a file.
     """
@@ -45,7 +45,7 @@ class LockedSkill:
 
     @property
     def key(self) -> tuple[bool, str]:
-        """What no two skills of a lock share, and what they are sorted by; files come last."""
+        """Unique in a lock, and the order of its skills; files come last."""
         return (self.name is None, self.reference)
 
     @property
@@ -62,9 +62,9 @@ class Lock:
     skills: tuple[LockedSkill, ...]
 
     def locate(self, reference: str | Path, store: str | Path | None = None) -> Located:
-        """Return what a reference leads to: one that was locked, to the version that was locked.
+        """Return what a reference leads to; a locked reference leads to the version that was locked.
 
-        Any other may name a version itself. Whether the content is allowed is for ``require`` to say.
+        Any other may name a version itself. ``require`` decides whether the content is allowed.
 
         Raises:
             UsageError: Not a reference, or a name alone that is locked at more than one version.
@@ -156,7 +156,7 @@ def read_lock(path: Path) -> Lock:
 
     Raises:
         NotFoundError: There is no such file.
-        InvalidLockError: It is not TOML, or says something else than a lock does.
+        InvalidLockError: It is not TOML, or not of the form of a lock.
         StoreError: The system does not let us read it.
     """
     try:
@@ -200,7 +200,7 @@ def _skill_of(table: Any, number: int, path: str) -> LockedSkill:
 
 
 def is_lock(path: Path) -> bool:
-    """Tell whether a file was written as a lock, even if it cannot be read as one any more."""
+    """Tell whether a file was written as a lock, even if it can no longer be read as one."""
     with suppress(NotFoundError, NotAnArtifactError):
         return read_once(path, MAX_LOCK_BYTES).startswith(_HEADING.encode())
     return False

@@ -11,22 +11,14 @@ from pathlib import Path
 from skillctl.errors import NotFoundError, SkillctlError, did_you_mean, printable
 from skillctl.store.backend import Backend
 from skillctl.store.files import missing_file, system_errors
-from skillctl.store.folder import Folder, by_version, require_alias
+from skillctl.store.folder import Folder, by_version, require_alias, what_there_is
 from skillctl.store.local import LocalBackend
-from skillctl.store.references import (
-    Reference,
-    is_name,
-    parse_reference,
-    require_name,
-    select,
-    unknown_alias,
-    what_there_is,
-)
+from skillctl.store.references import Reference, is_name, parse_reference, require_name
 from skillctl.store.seal import Header
 
 STORE_VARIABLE = "SKILLCTL_STORE"
 STORE_NAME = "skills"
-PUBLISHED: list[str] = []  # by this process, for what it is told when it is interrupted later on
+PUBLISHED: list[str] = []  # by this process, so that a later interrupt can say so
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +115,10 @@ class Registry:
             UsageError: The beginning of more than one digest.
             NotFoundError: No such skill or version.
         """
-        folder = self._existing(reference.name)
-        return select(reference, self.versions(folder.name), folder.aliases, folder.stated_digest)
+        numbers = self.versions(reference.name)
+        if not numbers:
+            raise self._unknown_name(reference.name)
+        return self._folder(reference.name).select(reference.selector, numbers)
 
     def publish(self, name: str, data: bytes) -> StoredVersion:
         """Store an artifact as the next version of a skill, unless the newest version has its content.
@@ -193,7 +187,7 @@ class Registry:
         with self._existing(name).changing() as folder:
             aliases = folder.aliases()
             if alias not in aliases:
-                raise unknown_alias(name, printable(alias)[:80], aliases)
+                raise folder.unknown_alias(printable(alias)[:80], list(aliases))
             version = aliases.pop(alias)
             folder.write_aliases(aliases)
         return version
@@ -218,9 +212,12 @@ class Registry:
         return Folder(self.backend, require_name(name))
 
     def _existing(self, name: str) -> Folder:
-        """Return the folder of a skill that has a version, or raise NotFoundError saying what there is."""
-        if self.versions(name):
-            return self._folder(name)
+        """Return the folder of a skill that has a version, or raise NotFoundError."""
+        if not self.versions(name):
+            raise self._unknown_name(name)
+        return self._folder(name)
+
+    def _unknown_name(self, name: str) -> NotFoundError:
         known = self.names()
         hint = (
             (f"For the file of that name, write ./{name}." if Path(name).is_file() else "")
@@ -228,7 +225,7 @@ class Registry:
             or what_there_is(known)
             or "It holds no skills yet; `skillctl learn DATA --name NAME` stores one."
         )
-        raise NotFoundError(
+        return NotFoundError(
             f"the store {printable(str(self.root))} has no skill {name}.", hint=printable(hint)
         )
 
@@ -243,7 +240,7 @@ def _telling(folder: Folder, data: bytes) -> Iterator[None]:
     def numbers() -> tuple[int, ...]:
         try:
             return folder.versions()
-        except (OSError, SkillctlError):  # whoever publishes will be told why not
+        except (OSError, SkillctlError):  # publishing itself says why
             return ()
 
     before = numbers()

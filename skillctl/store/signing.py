@@ -24,7 +24,7 @@ Key = TypeVar("Key")
 SignatureState: TypeAlias = Literal["valid", "invalid", "other content", "other key", "unsigned"]
 
 MAX_BYTES = 1 << 16  # of a key, and of all signatures of a skill
-# What is signed begins like this, so that no signature made for another purpose fits.
+# The signed message begins like this, so that no signature made for another purpose fits.
 DOMAIN = b"skillctl signature of a skill, 1\n"
 
 _LINE = re.compile(r"(ed25519:[0-9a-f]{64}) (sha256:[0-9a-f]{64}) ([0-9a-f]{128})")
@@ -34,7 +34,7 @@ _MAKE_KEYS = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one."
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """One signature: what a file says, to be believed only once it is verified.
+    """One signature as a file states it; it means nothing until it is verified.
 
     Attributes:
         key: Public key of the signer, ``ed25519:…``.
@@ -61,7 +61,7 @@ def make_signature(digest: str, private_key: Ed25519PrivateKey) -> Signature:
 def signature_state(digest: str, signatures: Iterable[Signature], key: str) -> SignatureState:
     """Return whether a public key has signed a content digest.
 
-    ``other content``: it did sign, but something else; ``other key``: only others have signed.
+    ``other content``: it signed something else; ``other key``: only other keys have signed.
 
     Raises:
         NotFoundError: ``cryptography`` is not installed.
@@ -119,10 +119,10 @@ def read_signatures(located: Located) -> tuple[Signature, ...]:
 def add_signature(located: Located, signature: Signature) -> bool:
     """Put a signature beside an artifact; return False if it was there.
 
-    Signatures of the same content by others stay, those of what the file held before go.
+    Signatures of the same content by other keys are kept; signatures of other content are removed.
 
     Raises:
-        InvalidSignaturesError: What is there holds something else; it is left as it is.
+        InvalidSignaturesError: The file that is there holds something else; it is left as it is.
         StoreError: No permission, no space.
     """
     with system_errors(f"sign {located.path}"), _locked(located):  # two signers must not lose one
@@ -239,7 +239,7 @@ def _key_bytes(path: Path) -> bytes:
 
 
 class _Cryptography:
-    """What is used of the package ``cryptography``, imported when a key is."""
+    """The parts of the package ``cryptography`` that are used, imported when a key is."""
 
     def __init__(self) -> None:
         from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm

@@ -51,19 +51,17 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
     Args:
         reference: The skill; a ``Path`` is always a file.
         store: Where names live; default as on the command line.
-        lock: If given, the skills that are allowed; a name it was made with leads to the version it names.
+        lock: If given, the skills that are allowed; a reference that is locked leads to its locked version.
 
     Raises:
         UsageError: The reference is malformed.
         NotFoundError: There is nothing of that name.
         ArtifactError: The file is not an intact skill artifact, or not one that the lock names.
     """
-    if lock is None:
-        located = locate(reference, store)
-        return Source(located, read_skill(located.path))
-    located = lock.locate(reference, store)
+    located = lock.locate(reference, store) if lock else locate(reference, store)
     source = Source(located, read_skill(located.path))
-    lock.require(located, source.artifact.digest)
+    if lock:
+        lock.require(located, source.artifact.digest)
     return source
 
 
@@ -73,7 +71,7 @@ def display_name(located: Located) -> str:
 
 
 def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
-    """Return the parents' reports, numbered by the leaves of the child.
+    """Return the reports of the parents, with the leaf numbers of the child.
 
     They stay true: a leaf that is moved repeats a moved demonstration as well as before.
     """

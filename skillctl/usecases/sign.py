@@ -124,9 +124,9 @@ def check_signature(source: Source, key: str) -> SignatureReport:
     others = ", ".join(sorted({signature.key for signature in signatures}))
     sentences: dict[SignatureState, str] = {
         "valid": f"{key} has signed {source.name}.",
-        "invalid": f"the signature of {key} in {path} is not one of it: it was changed.",
+        "invalid": f"the signature of {key} in {path} is not valid: it was changed.",
         "other content": f"{key} has signed other content than {source.name} holds now, {digest}.",
-        "other key": f"{key} has not signed {source.name}; signatures are there of {others}.",
+        "other key": f"{key} has not signed {source.name}; there are signatures of {others}.",
         "unsigned": f"{source.name} is not signed: there are no signatures in {path}.",
     }
     return SignatureReport(source.name, digest, path, key, state, sentences[state])
