@@ -87,9 +87,15 @@ class Lock:
             )
         if meant:
             return registry.locate(f"{parsed.name}@{meant.pop()}")
-        located = registry.locate(reference) if same else None
-        if located is None or located.version not in {skill.version for skill in same}:
-            raise self._refused(located, reference, same)
+        if not same:
+            raise self._unnamed(reference)
+        located = registry.locate(reference)
+        if located.version not in {skill.version for skill in same}:
+            other = "" if reference == located.shown else f"{reference} is {located.shown}, and "
+            raise NotLockedError(
+                f"{other}{self.path} names {_listed(same)}{'' if other else f', not {located.shown}'}.",
+                hint=f"`skillctl lock {reference} …` locks that version.",
+            )
         return located
 
     def names(self, name: str) -> bool:
@@ -112,18 +118,6 @@ class Lock:
                     hint="Another skill lies where the locked one did: get that one back, or lock this one "
                     f"with `skillctl lock`, if it is meant. Its file: {located.path}",
                 )
-
-    def _refused(
-        self, located: Located | None, reference: str, same: Iterable[LockedSkill]
-    ) -> NotLockedError:
-        if located is None:
-            return self._unnamed(reference)
-        shown = f"{located.name}@{located.version}"
-        meant = "" if reference == shown else f"{reference} is {shown}, and "
-        return NotLockedError(
-            f"{meant}{self.path} names {_listed(same)}{'' if meant else f', not {shown}'}.",
-            hint=f"`skillctl lock {reference} …` locks that version.",
-        )
 
     def _unnamed(self, what: str) -> NotLockedError:
         return NotLockedError(

@@ -54,6 +54,11 @@ class Located:
     version: int | None = None
     backend: Backend | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def shown(self) -> str:
+        """``name@3`` for a skill of a store, else the path."""
+        return str(self.path) if self.name is None else f"{self.name}@{self.version}"
+
 
 class Registry:
     """A store of skills.

@@ -273,6 +273,11 @@ class ParentRecord(Strict):
     digest: ContentDigest
     role: Name
 
+    @property
+    def shown(self) -> str:
+        """``name@3``, or the name of a file."""
+        return self.name if self.version is None else f"{self.name}@{self.version}"
+
 
 class Provenance(Strict):
     """Where a skill comes from: no host, no user, no absolute path; a date only if one was set.

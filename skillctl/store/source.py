@@ -37,7 +37,7 @@ class Source:
     @property
     def name(self) -> str:
         """A short name for tables and sentences."""
-        return display_name(self.located)
+        return self.located.shown
 
     def as_parent(self, role: str) -> ParentRecord:
         """Return what a skill made from this one records about it."""
@@ -63,11 +63,6 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
     if lock:
         lock.require(located, source.artifact.digest)
     return source
-
-
-def display_name(located: Located) -> str:
-    """Return ``name@3`` for a skill of the store, else its path."""
-    return str(located.path) if located.name is None else f"{located.name}@{located.version}"
 
 
 def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:

@@ -9,7 +9,6 @@ from skillctl.errors import ArtifactError, UsageError, printable, require_direct
 from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_changed
 from skillctl.store.errors import LaterFeatureError, NotAnArtifactError, TooNewFormatError
 from skillctl.store.schema import MAX_TEXT
-from skillctl.store.source import display_name
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Destination:
             ) from error
         except ArtifactError:
             return None
-        return artifact, Written(display_name(located), located.path, artifact.digest, created=False)
+        return artifact, Written(located.shown, located.path, artifact.digest, created=False)
 
     def write(self, artifact: Artifact) -> Written:
         """Write the artifact unless exactly this is there already."""

@@ -169,8 +169,7 @@ def _ancestor(record: ParentRecord, folder: Path, registry: Registry) -> Ancesto
         # Another version may be another skill; only other content in the recorded place is a change.
         if located.version in (None, record.version):
             presence = "changed"
-    name = f"{record.name}@{record.version}" if record.version else record.name
-    return Ancestor(name, record.role, record.digest, presence, None, None, None, ())
+    return Ancestor(record.shown, record.role, record.digest, presence, None, None, None, ())
 
 
 def _candidates(record: ParentRecord, folder: Path, registry: Registry) -> Iterator[Located]:
