@@ -35,10 +35,10 @@ def sign(
     *,
     place: options.LockedPlace,
 ) -> None:
-    """Sign what a skill holds, so that others can see who vouches for it.
+    """Sign the content of a skill, so that others can verify who approved it.
 
-    The signature is of the content digest, and lies beside the file, in FILE.h5.sig; the file stays as it is.
-    Several keys can sign one skill. The private key is read and never copied.
+    The signature covers the content digest and is kept beside the file, in FILE.h5.sig; the file does not
+    change. Several keys can sign one skill. The private key is read and never copied.
     """
     from skillctl.usecases.sign import sign as sign_skill
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
         Operation,
         ParentRecord,
         Provenance,
-        label,
         metadata_schema,
     )
     from skillctl.store.seal import Header, read_header
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from skillctl.store.writer import encode, require_room_for_records
 
 
-# The same for the run time; a test holds the two together.
+# The same names at run time; a test compares the two.
 _HOMES = {
     name: module
     for module, names in {
@@ -61,7 +60,7 @@ _HOMES = {
         "reader": "decode digest_of read_skill",
         "references": "Reference parse_reference",
         "registry": "Located Registry StoredVersion locate locate_store",
-        "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance label metadata_schema",
+        "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance metadata_schema",
         "seal": "Header read_header",
         "signing": "Signature add_signature make_signature read_private_key read_public_key read_signatures "
         "signature_state signatures_path",

@@ -20,7 +20,7 @@ STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that di
 
 
 def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
-    """Return all bytes of a regular file, opened and read once; nothing is looked at twice.
+    """Return all bytes of a regular file, opened and read once, so that it cannot change between two looks.
 
     Raises:
         NotFoundError: There is no such file.
@@ -110,7 +110,7 @@ def missing_file(path: Path) -> NotFoundError:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Make ``path`` a file with these bytes: afterwards it is old or new, whole, and nothing else is left.
+    """Make ``path`` a file with these bytes: afterwards it is old or new, whole, with nothing beside it.
 
     Raises:
         StoreError: Not a place for a file, no permission, no space.
@@ -124,7 +124,7 @@ def write_file(path: Path, data: bytes) -> None:
             )
         _sweep_beside(path)
         temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-        file = temporary.open("xb")  # what stands there already is not ours to remove
+        file = temporary.open("xb")  # an existing file of this name is not ours to remove
         try:
             with file:
                 file.write(data)
@@ -163,7 +163,7 @@ def _sweep_beside(path: Path) -> None:
 def sweep(directory: int, is_temporary: Callable[[str], bool]) -> None:
     """Remove the temporary files that killed writers have left in a directory, given as a descriptor."""
     for name in filter(is_temporary, os.listdir(directory)):
-        with suppress(OSError):  # somebody else's, or no file at all: it may stay
+        with suppress(OSError):  # of another user, or not a file: it may stay
             age = time.time() - os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime
             if age > STALE_SECONDS:
                 os.unlink(name, dir_fd=directory)

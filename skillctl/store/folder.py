@@ -199,7 +199,7 @@ class Folder:
         files = set(self.backend.files(self.name))
         for match in filter(None, map(_SIGNATURES.fullmatch, files)):
             if match[1] not in files:
-                with suppress(OSError):  # somebody else's, or no file at all: it may stay
+                with suppress(OSError):  # of another user, or not a file: it may stay
                     self.backend.delete(self.name, [match[0]])
 
     def _highest_given(self) -> int:

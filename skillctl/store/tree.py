@@ -59,7 +59,7 @@ SedsNodeRanges = tuple[int, tuple[int, int], tuple[int, int]]
 
 
 def node_of(skill: Skill) -> Node:
-    """Return the tree of a skill: everything about it that is not in ``model_arrays``."""
+    """Return the tree of a skill: everything that ``model_arrays`` does not hold."""
     return _node(skill, _Cursor())
 
 

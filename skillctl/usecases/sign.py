@@ -78,8 +78,8 @@ def sign(
         ask: Asks for the password of an encrypted key.
 
     Raises:
-        NotFoundError, ArtifactError: The reference leads to no intact skill, or what is beside it are no
-            signatures; or no such key, or ``cryptography`` is not installed.
+        NotFoundError, ArtifactError: The reference leads to no intact skill, or the file
+            beside it holds no signatures; or there is no such key, or ``cryptography`` is not installed.
         InputDataError: Not an Ed25519 private key.
         StoreError: The signature cannot be written.
     """
@@ -103,8 +103,8 @@ def verify_signature(
         lock: Allow only skills that it names.
 
     Raises:
-        NotFoundError, ArtifactError: The reference leads to no intact skill, or what is beside it are no
-            signatures; or no such key, or ``cryptography`` is not installed.
+        NotFoundError, ArtifactError: The reference leads to no intact skill, or the file
+            beside it holds no signatures; or there is no such key, or ``cryptography`` is not installed.
         InputDataError: Not an Ed25519 public key.
     """
     public_key = read_public_key(key)
@@ -115,7 +115,7 @@ def check_signature(source: Source, key: str) -> SignatureReport:
     """Return whether a public key (``ed25519:…``) has signed a skill that was read.
 
     Raises:
-        InvalidSignaturesError: What is beside it are no signatures.
+        InvalidSignaturesError: The file beside it holds something else.
     """
     path = signatures_path(source.located.path)
     digest = source.artifact.digest
