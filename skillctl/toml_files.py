@@ -17,7 +17,7 @@ else:  # the same parser under its older name
 
 MAX_BYTES = 1 << 20
 
-# What pydantic says in a programmer's words, and how it is said here; in this order.
+# How words of pydantic are replaced, in this order.
 REWORDED = {
     "Input should be": "must be",
     "String should": "must",
@@ -54,7 +54,7 @@ def toml_lines(values: Mapping[str, str | int]) -> str:
 
 
 def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
-    """Return the document in a TOML file that somebody wrote.
+    """Return the document in a TOML file of a user.
 
     Args:
         path: The file.

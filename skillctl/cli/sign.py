@@ -43,7 +43,8 @@ def sign(
     from skillctl.usecases.sign import sign as sign_skill
 
     output: Output = context.obj
-    ask = _ask if sys.stdin is not None and sys.stdin.isatty() else None
+    at_terminal = sys.stdin is not None and sys.stdin.isatty()
+    ask = (lambda prompt: getpass.getpass(f"{prompt}: ")) if at_terminal else None
     report = sign_skill(skill, key, store=place.store, lock=place.lock, ask=ask)
     facts = (
         ("skill", report.skill),
@@ -52,7 +53,3 @@ def sign(
         ("public key", report.key),
     )
     output.result(report, lambda: [render.Facts(facts)])
-
-
-def _ask(prompt: str) -> str:
-    return getpass.getpass(f"{prompt}: ")

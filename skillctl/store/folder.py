@@ -135,7 +135,7 @@ class Folder:
         return next(iter(found))
 
     def newest_with(self, digest: str) -> int | None:
-        """Return the newest version if it has this content, which is computed and not believed."""
+        """Return the newest version if it has this content, whatever its seal states; else None."""
         from skillctl.store.reader import digest_of
 
         for version in self.versions()[-1:]:
@@ -194,7 +194,7 @@ class Folder:
         """Remove signatures of versions that are gone, left by a process that was killed while removing.
 
         A version goes before its signatures, so a version that exists never loses them. The caller holds the
-        lock, shared or not: nobody signs or removes meanwhile.
+        lock, shared or not, so no process signs or removes meanwhile.
         """
         files = set(self.backend.files(self.name))
         for match in filter(None, map(_SIGNATURES.fullmatch, files)):

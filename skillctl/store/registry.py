@@ -11,7 +11,7 @@ from pathlib import Path
 from skillctl.errors import NotFoundError, SkillctlError, did_you_mean, printable
 from skillctl.store.backend import Backend
 from skillctl.store.files import missing_file, system_errors
-from skillctl.store.folder import Folder, by_version, require_alias, what_there_is
+from skillctl.store.folder import Folder, require_alias, what_there_is
 from skillctl.store.local import LocalBackend
 from skillctl.store.references import Reference, is_name, parse_reference, require_name
 from skillctl.store.seal import Header
@@ -46,7 +46,7 @@ class Located:
     Attributes:
         path: A file.
         name, version: If it is one of a store.
-        backend: What keeps that store; None for a file that lies anywhere.
+        backend: What keeps that store; None for a file in no store.
     """
 
     path: Path
@@ -159,10 +159,6 @@ class Registry:
             InvalidRefsError: The file that holds them cannot be understood.
         """
         return self._folder(name).aliases()
-
-    def words(self, name: str) -> dict[int, tuple[str, ...]]:
-        """Return the aliases of each version of a skill that has any; see ``aliases``."""
-        return by_version(self.aliases(name))
 
     def tag(self, name: str, version: int, alias: str) -> int | None:
         """Let an alias name a version, and return the one that it named before, if any.

@@ -1,4 +1,4 @@
-"""A skill that was read: where it lies, and what its file holds."""
+"""A skill that was read: its place, and what its file holds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Source:
     """A skill that was read.
 
     Attributes:
-        located: Its file, and its name and version if it lies in a store.
+        located: Its file, and its name and version if it is in a store.
         artifact: What the file holds.
     """
 

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 
 from skillctl.errors import ArtifactError, NotFoundError, SkillctlError, StoreError
 from skillctl.store import Located, Lock, ParentRecord, Registry, locate_store, read_header, read_skill
+from skillctl.store.folder import by_version
 from skillctl.store.source import Source, open_skill
 
 Presence: TypeAlias = Literal["present", "changed", "missing"]
@@ -55,7 +56,7 @@ def log(name: str, *, limit: int | None = None, store: Path | None = None) -> Lo
         store: Where names live; default as on the command line.
 
     Raises:
-        UsageError: No skill can be called so.
+        UsageError: No skill can have this name.
         NotFoundError: There is no such skill.
         InvalidRefsError: Its aliases cannot be read.
     """
@@ -63,7 +64,7 @@ def log(name: str, *, limit: int | None = None, store: Path | None = None) -> Lo
     versions = registry.versions(name)
     if not versions:
         registry.locate(name)  # raises, and says what there is instead
-    words = registry.words(name)
+    words = by_version(registry.aliases(name))
     newest = versions[::-1][:limit]
     entries = (_entry(registry.path_of(name, number), number, words.get(number, ())) for number in newest)
     return LogReport(name, tuple(entries))

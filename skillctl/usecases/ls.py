@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
 from skillctl.store import Registry, locate_store
+from skillctl.store.folder import by_version
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,7 @@ def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
     words: dict[int, tuple[str, ...]] = {}
     problem = None
     try:
-        words = registry.words(name)
+        words = by_version(registry.aliases(name))
     except (ArtifactError, StoreError) as error:
         problem = str(error)
     entries = tuple(_entry(registry, name, number, words.get(number, ()), check) for number in numbers)
