@@ -115,8 +115,8 @@ class Lock:
             if (skill.name, skill.version) == (located.name, located.version) and skill.digest != digest:
                 raise NotLockedError(
                     f"{skill.skill} holds {digest}, but {self.path} names {skill.digest}.",
-                    hint="Another skill is in the place of the locked one: restore that one, or lock this one "
-                    f"with `skillctl lock`, if it is meant. Its file: {located.path}",
+                    hint="Another skill is in the place of the locked one: restore that one, or lock this "
+                    f"one with `skillctl lock`, if it is meant. Its file: {located.path}",
                 )
 
     def _unnamed(self, what: str) -> NotLockedError:
