@@ -1,7 +1,8 @@
-"""Read TOML files, or say why they cannot be read, or what is wrong in them."""
+"""TOML files: what they hold, why they cannot be read, or what is wrong in them; and how one is written."""
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ else:  # the same parser under its older name
 
 MAX_BYTES = 1 << 20
 
-# What pydantic says in a programmer's words, and how it is said here; in this order.
+# How words of pydantic are replaced, in this order.
 REWORDED = {
     "Input should be": "must be",
     "String should": "must",
@@ -35,13 +36,25 @@ def parse_toml(data: bytes) -> dict[str, Any]:
         ValueError: Not UTF-8, or not TOML.
     """
     try:
-        return tomllib.loads(data.decode("utf-8"))  # what this raises are ValueErrors
-    except RecursionError as error:  # but for brackets nested too deeply
-        raise ValueError(str(error)) from None
+        return tomllib.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:  # the latter for brackets nested too deeply
+        raise ValueError(f"not TOML ({printable(str(error))[:200]})") from None
+
+
+def toml_lines(values: Mapping[str, str | int]) -> str:
+    """Return the lines of a TOML table; keys and texts have no control characters, which TOML does not take.
+
+    Both are few and plain here, so that a review can read them: a library would be more than these lines.
+    """
+    lines = []
+    for key, value in values.items():
+        word = json.dumps(key) if "." in key else key  # a bare dot would nest tables
+        lines.append(f"{word} = {json.dumps(value, ensure_ascii=False)}\n")  # what JSON escapes, TOML reads
+    return "".join(lines)
 
 
 def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
-    """Return the document in a TOML file that somebody wrote.
+    """Return the document in a TOML file of a user.
 
     Args:
         path: The file.
@@ -62,7 +75,7 @@ def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
     try:
         return parse_toml(data)
     except ValueError as error:
-        raise InputDataError(f"{path}: is not TOML: {printable(str(error))[:200]}.", hint=hint) from None
+        raise InputDataError(f"{path}: is {error}.", hint=hint) from None
 
 
 def complaint(errors: Sequence[Mapping[str, Any]], known: Collection[str]) -> str:

@@ -234,13 +234,7 @@ def _how(node: Node) -> list[str]:
 def _origin(report: InspectReport) -> render.Facts:
     provenance = report.provenance
     items = [("made by", words.maker(report.operation.command, provenance.tool))]
-    items += [
-        (
-            parent.role,
-            f"{parent.name}{f'@{parent.version}' if parent.version else ''}  {words.short(parent.digest)}",
-        )
-        for parent in provenance.parents
-    ]
+    items += [(parent.role, f"{parent.shown}  {words.short(parent.digest)}") for parent in provenance.parents]
     items += [
         ("input", f"{file.path}  {file.importer}  {words.short(file.sha256)}") for file in provenance.inputs
     ]

@@ -47,8 +47,8 @@ def lock(
     """Write down which skills a pipeline uses: name, version and content digest of each.
 
     With --locked other commands use nothing else, and a name means the version that was locked. Without SKILL
-    the references that the lock was made of are resolved again; if there is no lock, the newest version of
-    every skill of the store is locked.
+    the references in the lock are resolved again; if there is no lock, the newest version of every skill of
+    the store is locked.
     """
     from skillctl.usecases.lock import lock as lock_skills
 

@@ -42,9 +42,7 @@ def blocks(report: LogReport) -> list[render.Block]:
 
 
 def _row(name: str, entry: LogEntry) -> tuple[str, ...]:
-    parents = ", ".join(
-        f"{parent.name}@{parent.version}" if parent.version else parent.name for parent in entry.parents
-    )
+    parents = ", ".join(parent.shown for parent in entry.parents)
     origin = parents or (f"{entry.inputs} files" if entry.inputs else words.NONE)
     return (
         f"{name}@{entry.version}",

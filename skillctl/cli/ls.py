@@ -35,8 +35,9 @@ def ls(
 ) -> None:
     """List the skills of the store: versions, kind, aliases, size and digest.
 
-    Without names, a line a skill, about its newest version. With --json always every version. Kind, size and
-    digest are what the first bytes of a file say; verified is whether --check found all of the file in order.
+    Without names there is one line for each skill, about its newest version; --json always lists every
+    version. Kind, size and digest are read from the first bytes of a file; verified says whether --check
+    found the whole file valid.
     """
     from skillctl.usecases.ls import list_skills
 
@@ -67,7 +68,7 @@ HEADINGS = ("kind", "aliases", "size", "verified", "digest")
 
 
 def _summary(skill: StoredSkill) -> tuple[str, ...]:
-    """Return the newest version's line, with the aliases of all, and whether all are in order."""
+    """Return the line of the newest version, with the aliases of all versions, and whether all are valid."""
     newest = skill.entries[-1]
     aliases = ", ".join(f"{word}={entry.version}" for entry in skill.entries for word in entry.aliases)
     checked = [entry.verified for entry in skill.entries]

@@ -10,7 +10,7 @@ from skillctl.cli import options, render
 from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
-    from skillctl.usecases.versions import Removal, RemoveReport
+    from skillctl.usecases.versions import RemoveReport
 
 EXAMPLES = """\b
 Example:
@@ -47,9 +47,7 @@ def blocks(report: RemoveReport) -> list[render.Block]:
     """Return the report for people."""
     verb = "would be removed" if report.dry_run else "removed"
     title = f"{len(report.removed)} versions {verb}, {report.kept} kept"
-    return [render.Lines(title, tuple(map(_line, report.removed)))]
-
-
-def _line(removal: Removal) -> str:
-    aliases = f" ({', '.join(removal.aliases)})" if removal.aliases else ""
-    return f"{removal.skill}{aliases}"
+    lines = (
+        each.skill + (f" ({', '.join(each.aliases)})" if each.aliases else "") for each in report.removed
+    )
+    return [render.Lines(title, tuple(lines))]

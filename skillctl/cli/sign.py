@@ -35,15 +35,16 @@ def sign(
     *,
     place: options.LockedPlace,
 ) -> None:
-    """Sign what a skill holds, so that others can see who vouches for it.
+    """Sign the content of a skill, so that others can verify who approved it.
 
-    The signature is of the content digest, and lies beside the file, in FILE.h5.sig; the file stays as it is.
-    Several keys can sign one skill. The private key is read and never copied.
+    The signature covers the content digest and is kept beside the file, in FILE.h5.sig; the file does not
+    change. Several keys can sign one skill. The private key is read and never copied.
     """
     from skillctl.usecases.sign import sign as sign_skill
 
     output: Output = context.obj
-    ask = _ask if sys.stdin is not None and sys.stdin.isatty() else None
+    at_terminal = sys.stdin is not None and sys.stdin.isatty()
+    ask = (lambda prompt: getpass.getpass(f"{prompt}: ")) if at_terminal else None
     report = sign_skill(skill, key, store=place.store, lock=place.lock, ask=ask)
     facts = (
         ("skill", report.skill),
@@ -52,7 +53,3 @@ def sign(
         ("public key", report.key),
     )
     output.result(report, lambda: [render.Facts(facts)])
-
-
-def _ask(prompt: str) -> str:
-    return getpass.getpass(f"{prompt}: ")

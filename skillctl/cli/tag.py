@@ -26,7 +26,7 @@ def tag(
     *,
     place: options.Place,
 ) -> None:
-    """Give a version of the store a name of its own: it is then called NAME@ALIAS.
+    """Give a version of the store an alias; its name is then NAME@ALIAS.
 
     An alias that names another version is moved. Aliases are kept as text, in refs.toml beside the versions.
     """

@@ -26,4 +26,4 @@ def untag(
 
     output: Output = context.obj
     report = untag_version(name, alias, store=place.store)
-    output.result(report, lambda: [f"{name}@{alias} was {report.skill}, and is no more"])
+    output.result(report, lambda: [f"{name}@{alias} was {report.skill}; the alias is removed"])

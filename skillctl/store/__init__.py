@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
-    from skillctl.store.files import write_file
-    from skillctl.store.locating import locate, locate_store
+    from skillctl.store.files import write_changed, write_file
     from skillctl.store.lockfile import (
         Lock,
         LockedSkill,
@@ -23,19 +22,17 @@ if TYPE_CHECKING:
         lock_text,
         locked_skill,
         read_lock,
-        write_lock,
     )
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.references import Reference, parse_reference
-    from skillctl.store.registry import Located, Registry, StoredVersion
+    from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store
     from skillctl.store.schema import (
         DemonstrationReport,
         InputRecord,
         Operation,
         ParentRecord,
         Provenance,
-        label,
         metadata_schema,
     )
     from skillctl.store.seal import Header, read_header
@@ -52,20 +49,18 @@ if TYPE_CHECKING:
     from skillctl.store.writer import encode, require_room_for_records
 
 
-# The same for the run time; a test holds the two together.
+# The same names at run time; a test compares the two.
 _HOMES = {
     name: module
     for module, names in {
         "artifact": "Artifact contents_of metadata_of",
-        "files": "write_file",
-        "locating": "locate locate_store",
-        "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock "
-        "write_lock",
+        "files": "write_changed write_file",
+        "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock",
         "provenance": "current_provenance input_fingerprint input_record",
         "reader": "decode digest_of read_skill",
         "references": "Reference parse_reference",
-        "registry": "Located Registry StoredVersion",
-        "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance label metadata_schema",
+        "registry": "Located Registry StoredVersion locate locate_store",
+        "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance metadata_schema",
         "seal": "Header read_header",
         "signing": "Signature add_signature make_signature read_private_key read_public_key read_signatures "
         "signature_state signatures_path",

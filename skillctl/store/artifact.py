@@ -1,4 +1,4 @@
-"""The artifact: a skill with all that is known about it, and its form as arrays."""
+"""The artifact: a skill with its demonstrations and its history, and their form as arrays."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
 
 @dataclass(frozen=True, eq=False)
 class Artifact:
-    """A skill, the demonstrations its leaves were taught by, and where it all comes from.
+    """A skill, the demonstrations that its leaves were learned from, and where all of it comes from.
 
     Attributes:
         skill: The skill.
@@ -129,7 +129,7 @@ def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifac
     skill = skill_of(meta.skill, arrays, space)
     demonstrations = _demonstrations_of(arrays, meta.demonstrations, len(skill.leaves), space)
     artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports)
-    # The file's own digest counts: a build that writes another format would compute another one.
+    # The digest by the rules of the file's own format: another format gives another one.
     artifact.__dict__["digest"] = content_digest(arrays, version)
     return artifact
 
@@ -150,7 +150,7 @@ def _load_meta(stored: Array, name: str, version: int) -> Meta:
 
 
 def _refuse_reserved(meta: Meta, arrays: Mapping[str, Array]) -> None:
-    """Raise LaterFeature for what the format has, and this build has not."""
+    """Raise LaterFeature for what the format reserves, and this build cannot use."""
     command = meta.operation.command
     reserved = {
         "poses": meta.state.kind == "pose",

@@ -1,7 +1,7 @@
-"""Where the files of a store are: the few things a store asks of the place that keeps it.
+"""The interface of a place that keeps the files of a store.
 
-A store is folders, one a skill, of files. A place for them is one class with these methods; `local` has the
-one for a directory on this machine. What is in the files, and what they are called, is for `registry` to say.
+A store is folders of files, one folder a skill. `local` has the backend for a directory on this machine.
+What the files hold and what they are called is decided in `folder`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from skillctl.store.files import MAX_FILE_BYTES
 
 
 class Backend(Protocol):
-    """A place that keeps the folders of a store; every method may raise OSError for what the place refuses.
+    """A place that keeps the folders of a store; every method may raise OSError if the place refuses.
 
     Attributes:
-        place: What people call it: the path of a directory.
+        place: Its name for people: the path of a directory.
     """
 
     place: str
@@ -34,30 +34,30 @@ class Backend(Protocol):
 
         Raises:
             NotFoundError: There is no such file.
-            NotAnArtifactError: It is no regular file, or larger than ``limit`` bytes.
+            NotAnArtifactError: It is not a regular file, or it has more than ``limit`` bytes.
         """
 
     def beginning(self, folder: str, file: str, length: int) -> tuple[bytes, int]:
         """Return the first bytes of a file and the size of the whole, as ``read`` does."""
 
     def create(self, folder: str, data: bytes) -> AbstractContextManager[Callable[[str], None]]:
-        """Keep ``data`` without a name, and give the function that names it; the folder is made if need be.
+        """Keep ``data`` without a name, and yield the function that names it; make the folder if need be.
 
-        The file is whole from the moment it has its name, and nothing is left of one that was given none. The
-        function raises FileExistsError, and changes nothing, if the name is taken, and may be called again.
-        At the end of the context the name is safe: whatever fails afterwards, the file is there.
+        The file is whole from the moment it has its name, and a file without a name leaves nothing behind.
+        The function raises FileExistsError, and changes nothing, if the name is taken; it may be called
+        again. At the end of the context the name is safe: whatever fails afterwards, the file is there.
         """
 
     def replace(self, folder: str, file: str, data: bytes) -> None:
-        """Make a file, or one that is there, hold ``data``: afterwards it is old or new, whole."""
+        """Make a file hold ``data``, whether it exists or not: afterwards it is old or new, whole."""
 
     def delete(self, folder: str, files: Iterable[str]) -> None:
-        """Remove files, in this order, as far as they are there; at the end they are gone for good."""
+        """Remove those of the files that exist, in this order; at the end they do not come back."""
 
     def locked(self, folder: str, *, shared: bool = False) -> AbstractContextManager[None]:
-        """Keep all others, or with ``shared`` those who want a folder that exists alone, from the lock.
+        """Hold the lock of a folder that exists, alone or ``shared`` with others who share it.
 
-        Whoever dies gives it back. What killed writers have left half done in the folder may be removed now.
+        The lock ends with its process. Files that killed writers left unfinished may be removed now.
         """
 
     def path(self, folder: str, file: str) -> Path:

@@ -1,4 +1,4 @@
-"""JSON in one spelling, read without trust."""
+"""JSON in one spelling, and a strict reader of it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def load_strict(text: bytes) -> Any:
     """Return the value of one JSON document, refusing everything that two parsers might read differently.
 
     Raises:
-        Refusal: Not UTF-8, not JSON, something behind the document, a key twice, a number that float64 or
+        Refusal: Not UTF-8, not JSON, something after the document, a key twice, a number that float64 or
             int64 does not hold, or brackets nested too deeply.
     """
     _require_shallow(text)

@@ -1,4 +1,4 @@
-"""Why a file was refused: one class for each thing a caller may want to do about it."""
+"""Why a file is refused: one class for each thing that a caller can do about it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from skillctl.errors import ArtifactError, printable
 _UPGRADE = "Upgrade skillctl."
 
 
-class Refusal(Exception):  # noqa: N818 - not an error of its own: the reader adds the file's name
+class Refusal(Exception):  # noqa: N818 - not an error by itself: the reader adds the file's name
     """A reason to refuse a file, raised where the file's name is not known."""
 
 
@@ -18,7 +18,7 @@ class LaterFeature(Refusal):
 
 
 class RefusedFileError(ArtifactError):
-    """A file and the reason to refuse it; each class below says both in its own sentence."""
+    """A file and the reason to refuse it; each class has its own sentence and hint for both."""
 
     sentence: ClassVar[str]
     advice: ClassVar[str]
@@ -79,46 +79,26 @@ class InvalidSignaturesError(RefusedFileError):
     advice = "Get the file again from where it came from, or remove it and sign anew."
 
 
-class UnsupportedFormatError(ArtifactError):
-    """An artifact of a format version that this build does not read."""
+class TooNewFormatError(RefusedFileError):
+    """An artifact of a format version that a later skillctl writes."""
 
-    advice: ClassVar[str]
-
-    def __init__(self, name: str, found: int, readable: tuple[int, ...]) -> None:
-        self.name, self.found, self.readable = name, found, readable
-        super().__init__(
-            f"{printable(name)} has skill format {found}; this build reads {formats(readable)}.",
-            hint=self.advice,
-        )
-
-
-class TooNewFormatError(UnsupportedFormatError):
-    """Written by a later skillctl."""
-
+    sentence = "{name} has skill format {reason}."
     advice = _UPGRADE
 
 
-class TooOldFormatError(UnsupportedFormatError):
-    """Of a format that was never released, or is no longer read."""
+class TooOldFormatError(RefusedFileError):
+    """An artifact of a format version that was never released, or is no longer read."""
 
+    sentence = "{name} has skill format {reason}."
     advice = "Make the skill again from its demonstrations."
 
 
-class UnsafeStoreError(ArtifactError):
+class UnsafeStoreError(RefusedFileError):
     """A store with a symbolic link where a directory belongs: following it could write anywhere."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
-        super().__init__(
-            f"{printable(name)} is a symbolic link; skillctl follows no links inside a store.",
-            hint="Name the directory it points to with --store or SKILLCTL_STORE, or replace the link.",
-        )
+    sentence = "{name} is {reason}; skillctl follows no links inside a store."
+    advice = "Name the directory it points to with --store or SKILLCTL_STORE, or replace the link."
 
 
 class NotLockedError(ArtifactError):
     """A skill that the lock file does not name, or other content than it names."""
-
-
-def formats(versions: tuple[int, ...]) -> str:
-    """Return ``formats 1, 2``."""
-    return f"format{'s' if len(versions) > 1 else ''} {', '.join(map(str, versions))}"

@@ -1,4 +1,4 @@
-"""Skills for other programs: MATLAB's SEDS tools, JSON, NumPy; a record for each format."""
+"""The formats in which skills are exported: MATLAB's SEDS tools, JSON, NumPy."""
 
 from __future__ import annotations
 

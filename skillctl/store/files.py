@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 import secrets
 import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-from skillctl.errors import ArtifactError, NotFoundError, StoreError, did_you_mean, printable
-from skillctl.store.errors import NotAnArtifactError
+from skillctl.errors import NotFoundError, StoreError, did_you_mean, printable
+from skillctl.store.errors import NotAnArtifactError, RefusedFileError
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
 STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that died
 
 
 def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
-    """Return all bytes of a regular file, opened and read once; nothing is looked at twice.
+    """Return all bytes of a regular file, opened and read once, so that it cannot change between two looks.
 
     Raises:
         NotFoundError: There is no such file.
@@ -33,41 +31,20 @@ def read_once(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
         return file.read(limit + 1)
 
 
-def read_document(
-    read: Callable[[], bytes], name: str, invalid: Callable[[str, str], ArtifactError]
-) -> dict[str, Any]:
-    """Return the document in one of the store's own TOML files.
+@contextmanager
+def refused_as(error: type[RefusedFileError], name: str) -> Iterator[None]:
+    """Turn what is wrong with the bytes of one of the store's own text files into an error of its own class.
 
     Args:
-        read: Reads it.
+        error: The class.
         name: What the file is called in messages.
-        invalid: Makes the error for a file, by name, that is none, and the reason.
-
-    Raises:
-        NotFoundError: There is no such file.
-        ArtifactError: What ``invalid`` makes.
-        StoreError: The system does not let us read it.
     """
-    from skillctl.toml_files import parse_toml  # late: few commands meet such a file
-
     try:
-        return parse_toml(read())
-    except NotAnArtifactError as error:
-        raise invalid(name, error.reason) from None
-    except ValueError as error:
-        raise invalid(name, f"not TOML ({error})") from None
-
-
-def document_lines(values: Mapping[str, str | int]) -> str:
-    """Return the lines of a TOML table; keys and texts have no control characters, which TOML does not take.
-
-    Both are few and plain here, so that a review can read them: a library would be more than these lines.
-    """
-    lines = []
-    for key, value in values.items():
-        word = json.dumps(key) if "." in key else key  # a bare dot would nest tables
-        lines.append(f"{word} = {json.dumps(value, ensure_ascii=False)}\n")  # what JSON escapes, TOML reads
-    return "".join(lines)
+        yield
+    except NotAnArtifactError as refused:
+        raise error(name, refused.reason) from None
+    except ValueError as fault:
+        raise error(name, str(fault)) from None
 
 
 def read_beginning(path: Path, length: int, limit: int = MAX_FILE_BYTES) -> tuple[bytes, int]:
@@ -95,7 +72,7 @@ def _opened(path: Path, limit: int) -> Iterator[tuple[int, int]]:
             if not stat.S_ISREG(status.st_mode):
                 raise _not_a_file(path, status.st_mode)
             if status.st_size > limit:
-                raise NotAnArtifactError(str(path), f"larger than {limit >> 20} MiB, as no artifact is")
+                raise NotAnArtifactError(str(path), f"larger than {limit / (1 << 20):g} MiB")
             yield descriptor, status.st_size
     finally:
         os.close(descriptor)
@@ -133,7 +110,7 @@ def missing_file(path: Path) -> NotFoundError:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Make ``path`` a file with these bytes: afterwards it is old or new, whole, and nothing else is left.
+    """Make ``path`` a file with these bytes: afterwards it is old or new, whole, with nothing beside it.
 
     Raises:
         StoreError: Not a place for a file, no permission, no space.
@@ -147,7 +124,7 @@ def write_file(path: Path, data: bytes) -> None:
             )
         _sweep_beside(path)
         temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-        file = temporary.open("xb")  # what stands there already is not ours to remove
+        file = temporary.open("xb")  # an existing file of this name is not ours to remove
         try:
             with file:
                 file.write(data)
@@ -158,6 +135,19 @@ def write_file(path: Path, data: bytes) -> None:
             with suppress(OSError):
                 temporary.unlink()
             raise
+
+
+def write_changed(path: Path, data: bytes) -> bool:
+    """Write a file unless it has these bytes already; return whether it was written.
+
+    Raises:
+        StoreError: See ``write_file``.
+    """
+    with suppress(OSError):  # the writer says what is wrong
+        if path.is_file() and path.read_bytes() == data:
+            return False
+    write_file(path, data)
+    return True
 
 
 def _sweep_beside(path: Path) -> None:
@@ -173,7 +163,7 @@ def _sweep_beside(path: Path) -> None:
 def sweep(directory: int, is_temporary: Callable[[str], bool]) -> None:
     """Remove the temporary files that killed writers have left in a directory, given as a descriptor."""
     for name in filter(is_temporary, os.listdir(directory)):
-        with suppress(OSError):  # somebody else's, or no file at all: it may stay
+        with suppress(OSError):  # of another user, or not a file: it may stay
             age = time.time() - os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime
             if age > STALE_SECONDS:
                 os.unlink(name, dir_fd=directory)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-# Before HDF5 starts: "::" turns off the loading of filter plugins, code that a file can ask for by number
-# and that would be taken from wherever HDF5_PLUGIN_PATH points.
+# Set before HDF5 starts: "::" turns off the loading of filter plugins, which is code that a file can request
+# by number, from the directory in HDF5_PLUGIN_PATH.
 os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
 
 import h5py

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
+import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import MAX_FILE_BYTES, read_beginning, read_once, sweep, write_file
-from skillctl.store.publishing import staged
+
+FILE_MODE = 0o444  # a version never changes
+TEMPORARY_PREFIX = ".publishing-"
 
 _OPEN_DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-# What `write_file` calls the halves of aliases and signatures; anybody else's files may lie beside them.
-_HALF = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
+# The temporary files of aliases and signatures, as `write_file` names them; other files may lie beside them.
+_TEMPORARY = re.compile(r"\.(refs\.toml|[1-9][0-9]{0,5}\.h5\.sig)\.[0-9a-f]{8}\.tmp")
+# The answers of a file system, or a kernel, that has no files without names.
+_UNSUPPORTED = {errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL, errno.ENOENT}
 
 
 class LocalBackend:
@@ -29,7 +35,7 @@ class LocalBackend:
         self.place = str(root)
 
     def folders(self) -> tuple[str, ...]:
-        """Return the names of all directories; a link is none."""
+        """Return the names of all directories; a link does not count."""
         if not _is_directory(self.root):
             return ()
         return tuple(entry.name for entry in os.scandir(self.root) if entry.is_dir(follow_symlinks=False))
@@ -53,7 +59,7 @@ class LocalBackend:
         """Write ``data`` to a file without a name, synced, and give the function that links it to one."""
         self._make(folder)
         with self._opened(folder) as directory:
-            with staged(directory, data) as link:
+            with _staged(directory, data) as link:
                 yield link
             os.fsync(directory)
 
@@ -73,7 +79,7 @@ class LocalBackend:
     def locked(self, folder: str, *, shared: bool = False) -> Iterator[None]:
         """Hold the lock of the directory, and remove what killed writers have left there."""
         with self._opened(folder) as directory, flocked(directory, shared=shared):
-            sweep(directory, lambda name: _HALF.fullmatch(name) is not None)
+            sweep(directory, lambda name: _TEMPORARY.fullmatch(name) is not None)
             yield
 
     def path(self, folder: str, file: str) -> Path:
@@ -93,20 +99,69 @@ class LocalBackend:
     def _opened(self, folder: str) -> Iterator[int]:
         """Open the directory of a folder, through no symbolic link."""
         if _is_directory(self.root):
-            _is_directory(self.root / folder)  # whatever comes there later, no link is opened
+            _is_directory(self.root / folder)  # for its message; opening follows no link either
         with _descriptor(self.root) as root, _descriptor(folder, root) as directory:
             yield directory
+
+
+@contextmanager
+def _staged(directory: int, data: bytes) -> Iterator[Callable[[str], None]]:
+    """Write ``data`` to a file without a final name, and give the function that names it.
+
+    The function links the file to a name in the directory; it raises FileExistsError, and changes nothing,
+    if that name is taken. An unlinked file leaves nothing behind.
+
+    Args:
+        directory: Open descriptor of the directory.
+        data: Contents.
+    """
+    sweep(directory, lambda name: name.startswith(TEMPORARY_PREFIX))
+    unnamed = _open_unnamed(directory)
+    if unnamed is not None:
+        source, descriptor = f"/proc/self/fd/{unnamed}", unnamed
+    else:
+        source = f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}"
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        descriptor = os.open(source, flags, 0o600, dir_fd=directory)
+    try:
+        _fill(descriptor, data)
+        yield lambda name: os.link(source, name, src_dir_fd=directory, dst_dir_fd=directory)
+    finally:
+        os.close(descriptor)
+        if unnamed is None:
+            with suppress(FileNotFoundError):
+                os.unlink(source, dir_fd=directory)
+
+
+def _open_unnamed(directory: int) -> int | None:
+    """Return a descriptor of a file that vanishes with its process, or None where there are no such files."""
+    if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):  # noqa: PTH112
+        return None
+    try:
+        return os.open(".", os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600, dir_fd=directory)
+    except OSError as error:
+        if error.errno in _UNSUPPORTED:
+            return None
+        raise
+
+
+def _fill(descriptor: int, data: bytes) -> None:
+    remaining = memoryview(data)
+    while remaining:
+        remaining = remaining[os.write(descriptor, remaining) :]
+    os.fchmod(descriptor, FILE_MODE)
+    os.fsync(descriptor)
 
 
 @contextmanager
 def flocked(directory: int, *, shared: bool = False) -> Iterator[None]:
     """Hold the lock of a directory, given as a descriptor; the system releases it when a process dies.
 
-    Writers of new versions share it; it only keeps them from taking a number while that is being removed.
+    Writers of new versions share it: it only keeps them from taking a number that is being removed.
     """
     try:
         fcntl.flock(directory, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
-    except OSError:  # a file system without locks: publishing needs none but against removal
+    except OSError:  # a file system without locks; only removal needs them
         if not shared:
             raise
     yield  # closing the descriptor releases it
@@ -137,5 +192,5 @@ def _descriptor(path: str | Path, within: int | None = None) -> Iterator[int]:
 def _is_directory(path: Path) -> bool:
     """Tell whether a directory stands at ``path``; a link to one is an error."""
     if path.is_symlink():
-        raise UnsafeStoreError(str(path))
+        raise UnsafeStoreError(str(path), "a symbolic link")
     return path.is_dir()

@@ -1,4 +1,4 @@
-"""``skillctl.lock``: which skills a pipeline may use, by content; text, so that a review shows an upgrade."""
+"""``skillctl.lock``: which skills a pipeline may use, by content; a text, so that a review shows changes."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
-from skillctl.store.files import document_lines, read_document, read_once, write_file
-from skillctl.store.locating import locate, locate_store, upwards
+from skillctl.store.files import read_once, refused_as
 from skillctl.store.references import is_name, is_version, parse_reference
-from skillctl.store.registry import Located, Registry, existing_file
+from skillctl.store.registry import Located, Registry, existing_file, locate, locate_store, upwards
+from skillctl.toml_files import parse_toml, toml_lines
 
 LOCK_VARIABLE = "SKILLCTL_LOCK"
 LOCK_NAME = "skillctl.lock"
@@ -32,8 +32,8 @@ class LockedSkill:
     """One skill that a lock names.
 
     Attributes:
-        reference: How it was asked for: ``reach``, ``reach@release``; of a file, its path as seen from the
-            directory of the lock.
+        reference: The reference that was given: ``reach``, ``reach@release``; of a file, its path relative to
+            the directory of the lock.
         digest: Content digest, ``sha256:…``.
         name, version: What the reference meant; None for a file.
     """
@@ -45,7 +45,7 @@ class LockedSkill:
 
     @property
     def key(self) -> tuple[bool, str]:
-        """What no two skills of a lock share, and what they are sorted by; files come last."""
+        """Unique in a lock, and the order of its skills; files come last."""
         return (self.name is None, self.reference)
 
     @property
@@ -62,9 +62,9 @@ class Lock:
     skills: tuple[LockedSkill, ...]
 
     def locate(self, reference: str | Path, store: str | Path | None = None) -> Located:
-        """Return what a reference leads to: one that was locked, to the version that was locked.
+        """Return what a reference leads to; a locked reference leads to the version that was locked.
 
-        Any other may name a version itself. Whether the content is allowed is for ``require`` to say.
+        Any other may name a version itself. ``require`` decides whether the content is allowed.
 
         Raises:
             UsageError: Not a reference, or a name alone that is locked at more than one version.
@@ -87,9 +87,15 @@ class Lock:
             )
         if meant:
             return registry.locate(f"{parsed.name}@{meant.pop()}")
-        located = registry.locate(reference) if same else None
-        if located is None or located.version not in {skill.version for skill in same}:
-            raise self._refused(located, reference, same)
+        if not same:
+            raise self._unnamed(reference)
+        located = registry.locate(reference)
+        if located.version not in {skill.version for skill in same}:
+            other = "" if reference == located.shown else f"{reference} is {located.shown}, and "
+            raise NotLockedError(
+                f"{other}{self.path} names {_listed(same)}{'' if other else f', not {located.shown}'}.",
+                hint=f"`skillctl lock {reference} …` locks that version.",
+            )
         return located
 
     def names(self, name: str) -> bool:
@@ -109,21 +115,9 @@ class Lock:
             if (skill.name, skill.version) == (located.name, located.version) and skill.digest != digest:
                 raise NotLockedError(
                     f"{skill.skill} holds {digest}, but {self.path} names {skill.digest}.",
-                    hint="Another skill lies where the locked one did: get that one back, or lock this one "
-                    f"with `skillctl lock`, if it is meant. Its file: {located.path}",
+                    hint="Another skill is in the place of the locked one: restore that one, or lock this "
+                    f"one with `skillctl lock`, if it is meant. Its file: {located.path}",
                 )
-
-    def _refused(
-        self, located: Located | None, reference: str, same: Iterable[LockedSkill]
-    ) -> NotLockedError:
-        if located is None:
-            return self._unnamed(reference)
-        shown = f"{located.name}@{located.version}"
-        meant = "" if reference == shown else f"{reference} is {shown}, and "
-        return NotLockedError(
-            f"{meant}{self.path} names {_listed(same)}{'' if meant else f', not {shown}'}.",
-            hint=f"`skillctl lock {reference} …` locks that version.",
-        )
 
     def _unnamed(self, what: str) -> NotLockedError:
         return NotLockedError(
@@ -156,11 +150,12 @@ def read_lock(path: Path) -> Lock:
 
     Raises:
         NotFoundError: There is no such file.
-        InvalidLockError: It is not TOML, or says something else than a lock does.
+        InvalidLockError: It is not TOML, or not of the form of a lock.
         StoreError: The system does not let us read it.
     """
     try:
-        document = read_document(lambda: read_once(path, MAX_LOCK_BYTES), str(path), InvalidLockError)
+        with refused_as(InvalidLockError, str(path)):
+            document = parse_toml(read_once(path, MAX_LOCK_BYTES))
     except NotFoundError:
         raise NotFoundError(
             f"{printable(str(path))}: there is no lock file.", hint="`skillctl lock SKILL…` writes one."
@@ -199,7 +194,7 @@ def _skill_of(table: Any, number: int, path: str) -> LockedSkill:
 
 
 def is_lock(path: Path) -> bool:
-    """Tell whether a file was written as a lock, even if it cannot be read as one any more."""
+    """Tell whether a file was written as a lock, even if it can no longer be read as one."""
     with suppress(NotFoundError, NotAnArtifactError):
         return read_once(path, MAX_LOCK_BYTES).startswith(_HEADING.encode())
     return False
@@ -216,7 +211,7 @@ def _table(skill: LockedSkill) -> str:
     if skill.name is not None and skill.version is not None:
         values = {"reference": skill.reference, "name": skill.name, "version": skill.version}
     values["digest"] = skill.digest
-    return f"\n[[skill]]\n{document_lines(values)}"
+    return f"\n[[skill]]\n{toml_lines(values)}"
 
 
 def locked_skill(reference: str, located: Located, digest: str, lock: Path) -> LockedSkill:
@@ -245,17 +240,3 @@ def locate_again(skill: LockedSkill, lock: Path, store: Path | None = None) -> L
     if skill.name is None:
         return existing_file(lock.parent / skill.reference)
     return locate(skill.reference, store)
-
-
-def write_lock(path: Path, text: str) -> bool:
-    """Write a lock file unless it says this already; return whether it was written.
-
-    Raises:
-        StoreError: No permission, no space.
-    """
-    data = text.encode("utf-8")
-    with suppress(OSError):  # the writer says what is wrong
-        if path.is_file() and path.read_bytes() == data:
-            return False
-    write_file(path, data)
-    return True

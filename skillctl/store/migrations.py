@@ -1,4 +1,4 @@
-"""The versions of the format: the one that is written, and how what an older file states is read today.
+"""The versions of the format: the one that is written, and how older ones are read.
 
 To open format 3: raise ``FORMAT_VERSION``, describe the new form in ``schema`` and ``layout``, and add to
 ``_STEPS`` the function that turns the metadata of format 2 into it. `tests/archives` keeps files of each.
@@ -9,16 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from skillctl.store.errors import (
-    InvalidArtifactError,
-    Refusal,
-    TooNewFormatError,
-    TooOldFormatError,
-    formats,
-)
+from skillctl.store.errors import InvalidArtifactError, Refusal, TooNewFormatError, TooOldFormatError
 
 FORMAT_VERSION: Final = 2  # what is written
 READABLE_FORMATS = tuple(range(1, FORMAT_VERSION + 1))  # for ever
+_READS = f"this build reads formats {', '.join(map(str, READABLE_FORMATS))}"
 
 
 def mark_of(version: int) -> bytes:
@@ -35,19 +30,16 @@ def require_format(name: str, found: object) -> None:
     """
     if type(found) is not int:  # True is an int, too
         shown = "no format version" if found is None else f"format version {str(found)[:40]!r}"
-        raise InvalidArtifactError(
-            name, f"it states {shown}, not a whole number; this build reads {formats(READABLE_FORMATS)}"
-        )
-    if found > FORMAT_VERSION:
-        raise TooNewFormatError(name, found, READABLE_FORMATS)
+        raise InvalidArtifactError(name, f"it states {shown}, not a whole number; {_READS}")
     if found not in READABLE_FORMATS:
-        raise TooOldFormatError(name, found, READABLE_FORMATS)
+        error = TooNewFormatError if found > FORMAT_VERSION else TooOldFormatError
+        raise error(name, f"{found}; {_READS}")
 
 
 def migrated(meta: dict[str, Any], version: int) -> dict[str, Any]:
     """Return metadata of a format version in the form of the current one.
 
-    What is wrong with it otherwise is left as it is: the schema of the current form says so.
+    Other faults in it are left as they are, for the schema of the current form to find.
 
     Args:
         meta: What meta.json holds, not checked yet.
@@ -62,7 +54,7 @@ def migrated(meta: dict[str, Any], version: int) -> dict[str, Any]:
 
 
 def _from_1_to_2(meta: dict[str, Any]) -> dict[str, Any]:
-    """A merged node stated a sharpness for every gate; what Python made stated the command of its kind."""
+    """Format 1: every merged node has a sharpness; a skill made in Python has the command of its kind."""
     _require_known(meta.get("state"), "state", "kind", ("euclidean",))
     _require_known(meta.get("operation"), "operation", "command", ("learn", "merge", "combine"))
     changed = {**meta, "skill": _node_from_1(meta.get("skill"))}
@@ -99,7 +91,7 @@ def _node_from_1(node: Any) -> Any:
 
 
 def _require_known(holder: Any, where: str, key: str, known: tuple[str, ...]) -> None:
-    """Refuse a value that came with a later format; what is no text is for the schema to refuse."""
+    """Refuse a value that came with a later format; the schema refuses what is not a text."""
     value = holder.get(key) if isinstance(holder, dict) else None
     if isinstance(value, str) and value not in known:
         raise Refusal(f"/meta.json: {where}.{key}: format 1 has {', '.join(known) or 'none'} here")

@@ -1,4 +1,4 @@
-"""What an HDF5 body may contain: checked object by object before any array is read."""
+"""What an HDF5 body may contain; every object is checked before any array is read."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAX_MEMBERS = max(len(members(group, FORMAT_VERSION)) for group in ("", "model")
 def checked_datasets(root: Any, name: str, version: int) -> dict[str, Any]:
     """Return the open datasets of an artifact by path, all of them checked, none of them read.
 
-    Only objects that the format names are opened, so what else a file may hold is never touched.
+    Only objects that the format names are opened, so nothing else in a file is ever read.
 
     Args:
         root: Low-level identifier of the root group.

@@ -1,4 +1,4 @@
-"""Where a skill comes from, as it is recorded."""
+"""Where a skill comes from: the records of it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from skillctl.errors import UsageError
 from skillctl.store.canonical import dump_canonical
 from skillctl.store.schema import InputRecord, Operation, ParentRecord, Provenance
 
-# Those that compute the numbers. HDF5 is not one of them: the content does not depend on it.
+# The libraries that compute the numbers; the content does not depend on HDF5.
 LIBRARIES = ("numpy", "scipy")
 
 
 def input_record(path: Path, sha256: str, importer: str) -> InputRecord:
-    """Return the record of a file: its path as given, or its name alone where that is absolute or leads up.
+    """Return the record of a file: its path as given, or only its name if the path is absolute or leads up.
 
-    So the record names no user and no machine, and is the same wherever the command was started.
+    So the record names no user and no machine, and does not depend on where the command was started.
     """
     as_given = Path(os.path.normpath(path))
     inside = not as_given.is_absolute() and ".." not in as_given.parts
@@ -50,10 +50,10 @@ def current_provenance(
 
 
 def input_fingerprint(operation: Operation, provenance: Provenance) -> str:
-    """Return one SHA-256 over everything that decides a result before it is computed.
+    """Return one SHA-256 over everything that a result depends on, before it is computed.
 
     Two artifacts with equal fingerprints come from the same command, options, seed, bytes of the inputs
-    (wherever they lie), parents and version of skillctl: making the second is not needed.
+    (in any place), parents and version of skillctl, so the second need not be made.
     """
     decides = {
         "command": operation.command,

@@ -1,4 +1,4 @@
-"""The one place that opens HDF5 to read skills. It trusts nothing that a file says."""
+"""The one place that opens HDF5 to read skills; everything in a file is checked before it is used."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def decode(data: bytes, name: str = "artifact") -> Artifact:
     """Return the artifact that ``encode`` made these bytes of; ``name`` is for messages.
 
     Raises:
-        ArtifactError: Anything is not as the format demands.
+        ArtifactError: Anything breaks a rule of the format.
     """
     header, arrays = _read_arrays(data, name)
     with _refusing(name):
@@ -73,7 +73,7 @@ def _read(dataset: h5py.h5d.DatasetID) -> Array:
 @contextmanager
 def _refusing(name: str) -> Iterator[None]:
     try:
-        # Numbers near the limits of float64 are refused by what they lead to, not announced on stderr.
+        # Numbers near the limits of float64 lead to infinities, which the checks refuse; NumPy need not warn.
         with np.errstate(all="ignore"):
             yield
     except ArtifactError:

@@ -32,7 +32,7 @@ class Reference:
 
 
 def is_name(text: str) -> bool:
-    """Tell whether a skill can be called so."""
+    """Tell whether a skill can have this name."""
     return _NAME.fullmatch(text) is not None and not text.endswith(".h5")
 
 
@@ -47,7 +47,7 @@ def is_word(text: str) -> bool:
 
 
 def require_name(name: str) -> str:
-    """Return ``name`` if a skill can be called so, or raise UsageError."""
+    """Return ``name`` if a skill can have it, or raise UsageError."""
     if not is_name(name):
         raise UsageError(
             f"{printable(name)[:80]!r} cannot name a skill.",
@@ -56,7 +56,7 @@ def require_name(name: str) -> str:
     return name
 
 
-def parse_reference(text: str | Path) -> Path | Reference:
+def parse_reference(text: str | Path | Reference) -> Path | Reference:
     """Return the file or the skill of the store that ``text`` names.
 
     A path, or a text with a slash or ending in ``.h5``, names a file.
@@ -64,7 +64,7 @@ def parse_reference(text: str | Path) -> Path | Reference:
     Raises:
         UsageError: It can be neither.
     """
-    if isinstance(text, Path):
+    if isinstance(text, Path | Reference):
         return text
     if "\0" in text:
         raise UsageError("a reference to a skill must not contain NUL.", hint=EXAMPLES)
@@ -83,7 +83,7 @@ def parse_reference(text: str | Path) -> Path | Reference:
 
 
 def require_file_name(path: str | Path) -> Path:
-    """Return the path of a skill to be written, or raise UsageError if no text would name it afterwards."""
+    """Return the path of a skill to be written, or raise UsageError if no reference could name it."""
     try:
         file = parse_reference(str(path))
     except UsageError:

@@ -1,4 +1,4 @@
-"""meta.json: what an artifact says about its arrays, checked before any of it is believed."""
+"""meta.json: what an artifact says about its arrays, and the checks that it must pass."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ WITHOUT_TIDYING = {"tidy": False}  # validation context
 class Strict(BaseModel):
     """Frozen; nothing missing, nothing extra, no value of a similar type, no NaN or infinity.
 
-    Texts and facts that a program gives are made fit for metadata (``label``, ``plain_facts``), so that an
-    odd file name never stops a command; those in a file are refused unless they are fit.
+    Texts and facts that a program gives are converted to what metadata allows (``label``, ``plain_facts``),
+    so that an unusual file name never stops a command; a file with others is refused.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -76,7 +76,7 @@ def _plain_scalar(value: Any) -> Any:
 
 
 def _tidied(tidy: Callable[[Any], Any], kind: type) -> BeforeValidator:
-    """What a program records is made fit for metadata; what a file says must be fit already."""
+    """Convert what a program records; what a file says is not converted."""
 
     def validate(value: Any, info: ValidationInfo) -> Any:
         return tidy(value) if info.context is not WITHOUT_TIDYING and isinstance(value, kind) else value
@@ -144,7 +144,7 @@ class MergedNode(Strict):
     @model_validator(mode="after")
     def _has_the_parameters_of_its_gate(self) -> MergedNode:
         known = {gate.name: gate for gate in MERGE_GATES}
-        if self.gate not in known:  # a later build's; ``artifact`` refuses to use it
+        if self.gate not in known:  # of a later build; ``artifact`` refuses to use it
             return self
         try:
             complete = gate_parameters(known[self.gate], self.parameters)
@@ -219,11 +219,11 @@ class Operation(Strict):
     """The command that made the skill.
 
     Attributes:
-        command: Which one; ``python`` is none: the skill was made or changed in Python, and saved.
-        options: Every option that influenced the result, by its long name with underscores.
-        seed: Of all random numbers; None where none were drawn.
-        results: What came out, for people and reports: errors, iterations, warnings.
-        note: What its maker wants to be remembered about it.
+        command: Its name; ``python`` if the skill was made or changed in Python, and saved.
+        options: Every option that the result depends on, by its long name with underscores.
+        seed: Of all random numbers; None if none were drawn.
+        results: Results for people and reports: errors, iterations, warnings.
+        note: A text of its maker.
     """
 
     command: Literal["learn", "merge", "combine", "python", "adapt", "chain"]
@@ -234,11 +234,11 @@ class Operation(Strict):
 
 
 class DemonstrationReport(Strict):
-    """How well the skill repeats one demonstration; None where a figure was not computed.
+    """How well the skill repeats one demonstration; None if a number was not computed.
 
     Attributes:
         source: Where the demonstration came from.
-        leaf: Which SEDS skill of the tree was taught by it.
+        leaf: The SEDS skill of the tree that was learned from it.
         n_points: Samples used.
         duration: [s].
         velocity_rmse: Root mean square of the velocity error along it, [unit/s].
@@ -258,7 +258,7 @@ class DemonstrationReport(Strict):
 
 
 class InputRecord(Strict):
-    """A file that was read: its path (relative), the SHA-256 of its bytes, and who read it."""
+    """A file that was read: its relative path, the SHA-256 of its bytes, and what read it."""
 
     path: RelativePath
     sha256: Sha256
@@ -272,6 +272,11 @@ class ParentRecord(Strict):
     version: Annotated[int, Field(ge=1, lt=10**6)] | None = None
     digest: ContentDigest
     role: Name
+
+    @property
+    def shown(self) -> str:
+        """``name@3``, or the name of a file."""
+        return self.name if self.version is None else f"{self.name}@{self.version}"
 
 
 class Provenance(Strict):

@@ -1,4 +1,4 @@
-"""The first 512 bytes of an artifact: they tell what the file is and that it is whole."""
+"""The first 512 bytes of an artifact: they say what the file is, and show that it is whole."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillctl.store.errors import (
-    DamagedArtifactError,
-    InvalidArtifactError,
-    NotAnArtifactError,
-)
+from skillctl.store.errors import DamagedArtifactError, InvalidArtifactError, NotAnArtifactError
 from skillctl.store.files import read_beginning
 from skillctl.store.migrations import FORMAT_VERSION, require_format
 
 SEAL_BYTES = 512
-# Not ASCII, CR LF, Ctrl-Z and LF: whatever a text-mode transfer changes, it changes here first.
+# Not ASCII, CR LF, Ctrl-Z and LF: a transfer in text mode changes at least one of them.
 MAGIC = b"\x89SKILL\r\n\x1a\n"
 
 KINDS = ("seds", "merged", "combined", "chain")  # of a skill
@@ -30,7 +26,7 @@ _LINES = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the first 512 bytes state, so that a list of skills need not open them.
+    """What the first 512 bytes state; a list of skills reads no more than these.
 
     Attributes:
         body_bytes, sha256: Size and SHA-256 of all that follows.
@@ -62,12 +58,12 @@ def seal(body: bytes, kind: str, digest: str, version: int = FORMAT_VERSION) -> 
 
 
 def parse_header(beginning: bytes, size: int, name: str) -> Header:
-    """Return what the first 512 bytes of a file of ``size`` bytes state; nothing after them is looked at.
+    """Return what the first 512 bytes of a file of ``size`` bytes state; the rest is not read.
 
     Raises:
         NotAnArtifactError: It does not begin as an artifact does.
         TooNewFormatError, TooOldFormatError: Another format version.
-        DamagedArtifactError: Cut, extended, or another beginning than an artifact can have.
+        DamagedArtifactError: Cut or extended, or no artifact can begin like this.
     """
     if not beginning.startswith(MAGIC):
         _explain_magic(beginning, name)
@@ -109,7 +105,7 @@ def require_seal(data: bytes, name: str) -> Header:
         DamagedArtifactError: Cut, extended or changed.
     """
     header = parse_header(data[:SEAL_BYTES], len(data), name)
-    # One comparison settles all 512 bytes: there is exactly one seal for a body, its kind and its digest.
+    # A body of one kind and digest has exactly one seal, so one comparison checks all 512 bytes.
     if seal(data[SEAL_BYTES:], header.kind, header.digest, header.format) != data[:SEAL_BYTES]:
         raise DamagedArtifactError(name, "its contents do not match its seal")
     return header

@@ -3,37 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 from skillctl.errors import InputDataError, NotFoundError, printable
-from skillctl.store.errors import InvalidSignaturesError, NotAnArtifactError
-from skillctl.store.files import missing_file, read_once, system_errors, write_file
+from skillctl.store.errors import InvalidSignaturesError
+from skillctl.store.files import missing_file, read_once, refused_as, system_errors, write_file
+from skillctl.store.folder import SIGNATURE_SUFFIX
 from skillctl.store.local import locked_directory
-from skillctl.store.numbering import SIGNATURE_SUFFIX
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     from skillctl.store.registry import Located
 
+Key = TypeVar("Key")
 SignatureState: TypeAlias = Literal["valid", "invalid", "other content", "other key", "unsigned"]
 
 MAX_BYTES = 1 << 16  # of a key, and of all signatures of a skill
-# What is signed begins like this, so that no signature made for another purpose fits.
+# The signed message begins like this, so that no signature made for another purpose fits.
 DOMAIN = b"skillctl signature of a skill, 1\n"
 
 _LINE = re.compile(r"(ed25519:[0-9a-f]{64}) (sha256:[0-9a-f]{64}) ([0-9a-f]{128})")
 _HEADING = "# Signatures of a skill, written by `skillctl sign`: public key, content digest, signature.\n"
-_MAKE_KEYS = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one"
+_MAKE_KEYS = "`openssl genpkey -algorithm ed25519 -out key.pem` makes one."
 
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """One signature: what a file says, to be believed only once it is verified.
+    """One signature as a file states it; it means nothing until it is verified.
 
     Attributes:
         key: Public key of the signer, ``ed25519:…``.
@@ -60,7 +61,7 @@ def make_signature(digest: str, private_key: Ed25519PrivateKey) -> Signature:
 def signature_state(digest: str, signatures: Iterable[Signature], key: str) -> SignatureState:
     """Return whether a public key has signed a content digest.
 
-    ``other content``: it did sign, but something else; ``other key``: only others have signed.
+    ``other content``: it signed something else; ``other key``: only other keys have signed.
 
     Raises:
         NotFoundError: ``cryptography`` is not installed.
@@ -100,14 +101,10 @@ def read_signatures(located: Located) -> tuple[Signature, ...]:
     """
     path = signatures_path(located.path)
     try:
-        lines = _read(located, path).decode("ascii").splitlines()
+        with refused_as(InvalidSignaturesError, str(path)):
+            lines = _read(located, path).decode("ascii").splitlines()
     except NotFoundError:
         return ()
-    except NotAnArtifactError as error:
-        reason = "too long" if error.reason.startswith("larger") else error.reason
-        raise InvalidSignaturesError(str(path), reason) from None
-    except UnicodeDecodeError:
-        raise InvalidSignaturesError(str(path), "not ASCII") from None
     found = []
     for number, line in enumerate(lines, start=1):
         if not line or line.startswith("#"):
@@ -122,10 +119,10 @@ def read_signatures(located: Located) -> tuple[Signature, ...]:
 def add_signature(located: Located, signature: Signature) -> bool:
     """Put a signature beside an artifact; return False if it was there.
 
-    Signatures of the same content by others stay, those of what the file held before go.
+    Signatures of the same content by other keys are kept; signatures of other content are removed.
 
     Raises:
-        InvalidSignaturesError: What is there holds something else; it is left as it is.
+        InvalidSignaturesError: The file that is there holds something else; it is left as it is.
         StoreError: No permission, no space.
     """
     with system_errors(f"sign {located.path}"), _locked(located):  # two signers must not lose one
@@ -166,40 +163,31 @@ def read_private_key(path: Path, ask: Callable[[str], str] | None = None) -> Ed2
 
     Args:
         path: The file.
-        ask: Asks for the password of an encrypted key; None where nobody can be asked.
+        ask: Asks for the password of an encrypted key; None where there is no terminal.
 
     Raises:
         NotFoundError: No such file, or ``cryptography`` is not installed.
         InputDataError: Not an Ed25519 private key, or an encrypted one that cannot be decrypted.
         StoreError: The file cannot be read.
     """
-    crypto = _cryptography()
-    data = _key_bytes(path)
+    crypto, data, shown = _cryptography(), _key_bytes(path), printable(str(path))
     if b"PUBLIC KEY" in data:
         raise InputDataError(
-            f"{printable(str(path))} holds a public key; signing takes the private one.",
+            f"{shown} holds a public key; signing takes the private one.",
             hint="Name the file that was made by `openssl genpkey`.",
         )
-    password: bytes | None = None
+    password, wrong = None, ""
     if b"ENCRYPTED" in data:
         if ask is None:
             raise InputDataError(
-                f"{printable(str(path))} is encrypted, and there is no terminal to ask for its password on.",
+                f"{shown} is encrypted, and there is no terminal to ask for its password on.",
                 hint="Sign at a terminal, or with a key of its own for the pipeline.",
             )
-        password = ask(f"Password of {printable(str(path))}").encode()
-    try:
-        key = crypto.serialization.load_pem_private_key(data, password)
-    except (ValueError, TypeError, crypto.UnsupportedAlgorithm):
-        wrong = "the password is wrong, or " if password is not None else ""
-        raise InputDataError(
-            f"{printable(str(path))}: {wrong}this is not a private key in PEM form.",
-            hint=f"{_MAKE_KEYS}.",
-        ) from None
-    if not isinstance(key, crypto.ed25519.Ed25519PrivateKey):
-        raise _other_kind(path, key)
-    private_key: Ed25519PrivateKey = key
-    return private_key
+        password, wrong = ask(f"Password of {shown}").encode(), "the password is wrong, or "
+    with _readable(f"{shown}: {wrong}this is not a private key in PEM form.", _MAKE_KEYS):
+        loaded = crypto.serialization.load_pem_private_key(data, password)
+        key: Ed25519PrivateKey = _of_kind(crypto.ed25519.Ed25519PrivateKey, loaded, shown)
+    return key
 
 
 def read_public_key(path: Path) -> str:
@@ -210,30 +198,31 @@ def read_public_key(path: Path) -> str:
         InputDataError: Not an Ed25519 public key.
         StoreError: The file cannot be read.
     """
-    crypto = _cryptography()
-    data = _key_bytes(path)
+    crypto, data, shown = _cryptography(), _key_bytes(path), printable(str(path))
     extract = "`openssl pkey -in key.pem -pubout -out public.pem` writes the public key of a private one."
     if b"PRIVATE KEY" in data:
         raise InputDataError(
-            f"{printable(str(path))} holds a private key; verifying takes the public one.",
-            hint=f"Keep it secret. {extract}",
+            f"{shown} holds a private key; verifying takes the public one.", hint=f"Keep it secret. {extract}"
         )
-    try:
-        key = crypto.serialization.load_pem_public_key(data)
-    except (ValueError, TypeError, crypto.UnsupportedAlgorithm):
-        raise InputDataError(
-            f"{printable(str(path))} is not a public key in PEM form.", hint=extract
-        ) from None
-    if not isinstance(key, crypto.ed25519.Ed25519PublicKey):
-        raise _other_kind(path, key)
+    with _readable(f"{shown} is not a public key in PEM form.", extract):
+        loaded = crypto.serialization.load_pem_public_key(data)
+        key = _of_kind(crypto.ed25519.Ed25519PublicKey, loaded, shown)
     return f"ed25519:{key.public_bytes_raw().hex()}"
 
 
-def _other_kind(path: Path, key: object) -> InputDataError:
-    kind = type(key).__name__.lstrip("_").removesuffix("PrivateKey").removesuffix("PublicKey")
-    return InputDataError(
-        f"{printable(str(path))} holds a key of the kind {kind}; expected Ed25519.", hint=f"{_MAKE_KEYS}."
-    )
+@contextmanager
+def _readable(message: str, hint: str) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, TypeError, _cryptography().UnsupportedAlgorithm):
+        raise InputDataError(message, hint=hint) from None
+
+
+def _of_kind(kind: type[Key], key: object, shown: str) -> Key:
+    if isinstance(key, kind):
+        return key
+    found = type(key).__name__.lstrip("_").removesuffix("PrivateKey").removesuffix("PublicKey")
+    raise InputDataError(f"{shown} holds a key of the kind {found}; expected Ed25519.", hint=_MAKE_KEYS)
 
 
 def _key_bytes(path: Path) -> bytes:
@@ -250,7 +239,7 @@ def _key_bytes(path: Path) -> bytes:
 
 
 class _Cryptography:
-    """What is used of the package ``cryptography``, imported when a key is."""
+    """The parts of the package ``cryptography`` that are used, imported when a key is."""
 
     def __init__(self) -> None:
         from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm

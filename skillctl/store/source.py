@@ -1,4 +1,4 @@
-"""A skill that was read: where it lies, and what its file holds."""
+"""A skill that was read: its place, and what its file holds."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skillctl.store.locating import locate
 from skillctl.store.reader import read_skill
+from skillctl.store.registry import Located, locate
 from skillctl.store.schema import DemonstrationReport, ParentRecord, label
 
 if TYPE_CHECKING:
     from skillctl.model.skill import Skill
     from skillctl.store.artifact import Artifact
     from skillctl.store.lockfile import Lock
-    from skillctl.store.registry import Located
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,7 @@ class Source:
     """A skill that was read.
 
     Attributes:
-        located: Its file, and its name and version if it lies in a store.
+        located: Its file, and its name and version if it is in a store.
         artifact: What the file holds.
     """
 
@@ -38,7 +37,7 @@ class Source:
     @property
     def name(self) -> str:
         """A short name for tables and sentences."""
-        return display_name(self.located)
+        return self.located.shown
 
     def as_parent(self, role: str) -> ParentRecord:
         """Return what a skill made from this one records about it."""
@@ -52,29 +51,22 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
     Args:
         reference: The skill; a ``Path`` is always a file.
         store: Where names live; default as on the command line.
-        lock: If given, the skills that are allowed; a name it was made with leads to the version it names.
+        lock: If given, the skills that are allowed; a reference that is locked leads to its locked version.
 
     Raises:
         UsageError: The reference is malformed.
         NotFoundError: There is nothing of that name.
         ArtifactError: The file is not an intact skill artifact, or not one that the lock names.
     """
-    if lock is None:
-        located = locate(reference, store)
-        return Source(located, read_skill(located.path))
-    located = lock.locate(reference, store)
+    located = lock.locate(reference, store) if lock else locate(reference, store)
     source = Source(located, read_skill(located.path))
-    lock.require(located, source.artifact.digest)
+    if lock:
+        lock.require(located, source.artifact.digest)
     return source
 
 
-def display_name(located: Located) -> str:
-    """Return ``name@3`` for a skill of the store, else its path."""
-    return str(located.path) if located.name is None else f"{located.name}@{located.version}"
-
-
 def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:
-    """Return the parents' reports, numbered by the leaves of the child.
+    """Return the reports of the parents, with the leaf numbers of the child.
 
     They stay true: a leaf that is moved repeats a moved demonstration as well as before.
     """

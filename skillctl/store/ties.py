@@ -1,4 +1,4 @@
-"""What command, skill tree and results of one artifact have to do with each other."""
+"""How the command, the skill tree and the results of an artifact must fit each other."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _MADE = {"learn": ("seds",), "merge": ("merged",), "combine": ("combined",), "ch
 
 
 class _Results(Strict):
-    """What a command always records among other facts."""
+    """The results that a command always records; there may be others."""
 
     model_config = ConfigDict(extra="ignore")
 
 
 class MergeResults(_Results):
-    """Where the common Lyapunov matrix is from."""
+    """Where the common Lyapunov matrix comes from."""
 
     lyapunov: LyapunovOrigin
 
 
 class CombineResults(_Results):
-    """What parts keep, and where the Lyapunov matrix is from if one proof needs a common one."""
+    """What the parts keep, and where the Lyapunov matrix comes from if a proof needs a common one."""
 
     kept: tuple[NotNegative, ...]
     lyapunov: LyapunovOrigin | None = None
@@ -48,7 +48,7 @@ _ALWAYS: dict[str, type[BaseModel]] = {"merge": MergeResults, "combine": Combine
 
 
 def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:
-    """Raise Refusal unless the skill and the results are such as the stated command leaves.
+    """Raise Refusal unless the stated command can have made such a skill and such results.
 
     Args:
         meta: Metadata that has the form of the schema.

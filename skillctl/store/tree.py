@@ -17,7 +17,7 @@ from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 from skillctl.store.errors import Refusal
-from skillctl.store.schema import CombinedNode, MergedNode, Node, SedsNode
+from skillctl.store.schema import ChainNode, CombinedNode, MergedNode, Node, SedsNode
 
 MAX_TREE_DEPTH = 16  # merged skills of merged skills of …
 
@@ -59,7 +59,7 @@ SedsNodeRanges = tuple[int, tuple[int, int], tuple[int, int]]
 
 
 def node_of(skill: Skill) -> Node:
-    """Return the tree of a skill: everything about it that is not in ``model_arrays``."""
+    """Return the tree of a skill: everything that ``model_arrays`` does not hold."""
     return _node(skill, _Cursor())
 
 
@@ -90,13 +90,10 @@ def unknown_gates(node: Node) -> list[str]:
     if isinstance(node, SedsNode):
         return []
     gates = [gate for part in node.parts for gate in unknown_gates(part)]
-    if isinstance(node, MergedNode):
-        known = {gate.name for gate in MERGE_GATES}
-    elif isinstance(node, CombinedNode):
-        known = {gate.name for gate in COMBINE_GATES}
-    else:
+    if isinstance(node, ChainNode):
         return gates
-    return gates if node.gate in known else [node.gate, *gates]
+    known = MERGE_GATES if isinstance(node, MergedNode) else COMBINE_GATES
+    return gates if node.gate in {gate.name for gate in known} else [node.gate, *gates]
 
 
 def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
@@ -145,7 +142,7 @@ def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     if isinstance(node, MergedNode):
         weights = np.array(node.part_weights)
         return MergedSkill(parts, weights, node.gate, node.speed, node.parameters)
-    if not isinstance(node, CombinedNode):
+    if isinstance(node, ChainNode):
         raise Refusal(f"/meta.json: skill: cannot be of kind {node.kind}")
     priors = np.array(node.part_priors)
     return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)

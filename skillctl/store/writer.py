@@ -45,7 +45,7 @@ def encode(artifact: Artifact) -> bytes:
 
 
 def body_of(arrays: Mapping[str, Array], version: int = FORMAT_VERSION) -> bytes:
-    """Return all of the file that holds ``arrays``, by path, but its seal."""
+    """Return the file that holds ``arrays``, by path, without its seal."""
     file = BytesIO()
     # "earliest" is what every HDF5 tool in use reads; objects in one order, without times, give one result.
     with h5py.File(file, "w", userblock_size=SEAL_BYTES, libver="earliest") as body:
@@ -58,15 +58,15 @@ def body_of(arrays: Mapping[str, Array], version: int = FORMAT_VERSION) -> bytes
 def require_room_for_records(
     demonstrations: DemonstrationSet, operation: Operation, provenance: Provenance
 ) -> None:
-    """Refuse now what ``encode`` would refuse once a skill has been learned from these demonstrations.
+    """Raise now what ``encode`` would raise after a skill was learned from these demonstrations.
 
-    How many digits its errors will have is not known yet. They are taken to be few, so nothing that fits is
-    refused, and very little that does not is left for ``encode`` to refuse.
+    The numbers of digits of its errors are not known yet. They are assumed to be small, so that nothing that
+    fits is refused; ``encode`` refuses what little is left.
 
     Args:
-        demonstrations: As the artifact is to keep them.
-        operation: What is to be recorded of the command.
-        provenance: What is to be recorded of its inputs.
+        demonstrations: Those that the artifact will keep.
+        operation: The record of the command.
+        provenance: The record of its inputs.
 
     Raises:
         StoreError: The records of so many demonstrations do not fit into an artifact.

@@ -1,4 +1,4 @@
-"""Where a new skill goes: a file, or the next version of a name in the store."""
+"""Where a new skill goes: to a file, or into the store as the next version of a name."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, UsageError, printable, require_directory
-from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_file
-from skillctl.store.errors import NotAnArtifactError
+from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_changed
+from skillctl.store.errors import LaterFeatureError, NotAnArtifactError, TooNewFormatError
 from skillctl.store.schema import MAX_TEXT
-from skillctl.store.source import display_name
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,11 @@ class Written:
 
 @dataclass(frozen=True)
 class Destination:
-    """Where a skill goes, and what is to be remembered about it.
+    """Where a skill goes, and the note that it keeps.
 
     Attributes:
         file, name: One of them.
-        store: Where the name lives; None: found as for every command.
+        store: Where the name lives; default as on the command line.
         note: Kept in the skill.
     """
 
@@ -52,7 +51,6 @@ class Destination:
                 else "-o and --name exclude each other.",
                 hint="Give --name NAME to publish it in the store, or -o FILE.h5 to write a file.",
             )
-
         if self.note is not None and not 0 < len(printable(self.note)) <= MAX_TEXT:
             raise UsageError(
                 f"a note has 1 to {MAX_TEXT} characters; this one has {len(self.note)}.",
@@ -67,11 +65,11 @@ class Destination:
         return cls(None if file is None else Path(file), name, store, note)
 
     def current(self) -> tuple[Artifact, Written] | None:
-        """Return what lies there now, or None; a damaged artifact counts as nothing.
+        """Return the skill that is there now, or None; a damaged file counts as none.
 
         Raises:
-            UsageError: No skill can be called so, or the file is something else than a skill: it shall not
-                be overwritten.
+            UsageError: No skill can have this name; or the file must not be overwritten, because it is not a
+                skill, or one that only a later skillctl can use.
             StoreError: The file's directory does not exist.
         """
         located = self._located()
@@ -80,35 +78,46 @@ class Destination:
         try:
             artifact = read_skill(located.path)
         except NotAnArtifactError as error:
-            raise UsageError(
-                f"{located.path} exists and is not a skill; it will not be overwritten.",
-                hint="Give another name after -o, or remove the file.",
+            raise _kept(located.path, "is not a skill") from error
+        except (LaterFeatureError, TooNewFormatError) as error:
+            if self.file is None:  # the store gets one more version, and nothing is overwritten
+                return None
+            raise _kept(
+                located.path, "is a skill that only a later skillctl can use", "Upgrade skillctl, give"
             ) from error
         except ArtifactError:
             return None
-        return artifact, Written(display_name(located), located.path, artifact.digest, created=False)
+        return artifact, Written(located.shown, located.path, artifact.digest, created=False)
 
     def write(self, artifact: Artifact) -> Written:
-        """Write the artifact, or find that exactly it is there already."""
+        """Write the artifact unless exactly this is there already."""
         if self.note is not None:
             noted = artifact.operation.model_copy(update={"note": printable(self.note)})
             artifact = replace(artifact, operation=noted)
         data = encode(artifact)
-        if self.name is not None:
-            stored = Registry(locate_store(self.store)).publish(self.name, data)
-            located = Located(stored.path, stored.name, stored.version)
-            return Written(display_name(located), stored.path, stored.digest, stored.created)
-        assert self.file is not None  # by construction
-        same = self.file.is_file() and self.file.read_bytes() == data
-        if not same:
-            write_file(self.file, data)
-        return Written(str(self.file), self.file, artifact.digest, not same)
+        place = self._place
+        if isinstance(place, str):
+            stored = Registry(locate_store(self.store)).publish(place, data)
+            return Written(f"{place}@{stored.version}", stored.path, stored.digest, stored.created)
+        return Written(str(place), place, artifact.digest, write_changed(place, data))
+
+    @property
+    def _place(self) -> Path | str:
+        """The file or the name, whichever is given."""
+        return self.name or "" if self.file is None else self.file
 
     def _located(self) -> Located | None:
-        if self.name is not None:
+        place = self._place
+        if isinstance(place, str):
             registry = Registry(locate_store(self.store))
-            versions = registry.versions(self.name)
-            return registry.locate(f"{self.name}@{versions[-1]}") if versions else None
-        assert self.file is not None  # by construction
-        require_directory(self.file)
-        return Located(self.file) if self.file.exists() else None
+            versions = registry.versions(place)
+            return registry.locate(f"{place}@{versions[-1]}") if versions else None
+        require_directory(place)
+        return Located(place) if place.exists() else None
+
+
+def _kept(path: Path, what: str, first: str = "Give") -> UsageError:
+    return UsageError(
+        f"{printable(str(path))} exists and {what}; it will not be overwritten.",
+        hint=f"{first} another name after -o, or remove the file.",
+    )

@@ -1,4 +1,4 @@
-"""A skill for other programs: MATLAB's SEDS tools, JSON, NumPy."""
+"""Export a skill for other programs: MATLAB's SEDS tools, JSON, NumPy."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def export(
     if output.suffix not in formats:
         *most, last = formats
         raise UsageError(
-            f"{output}: skills are exported as {', '.join(most)} or {last}, told by the ending of the file.",
+            f"{output}: skills are exported as {', '.join(most)} or {last}; the ending of the file decides.",
             hint=f"Name a file with one of these endings, as in -o {output.stem or 'skill'}.json.",
         )
     chosen = formats[output.suffix]

@@ -1,4 +1,4 @@
-"""Skills by reference, read and written."""
+"""Load and save skills."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from skillctl.store.source import open_skill
 
 
 def load(reference: str | Path, *, store: str | Path | None = None) -> Skill:
-    """Return the skill that a reference names, ready to be asked for velocities.
+    """Return the skill that a reference names.
 
     Args:
         reference: ``path/to/file.h5``, ``name`` (its newest version), ``name@3`` or ``name@latest``; a

@@ -1,4 +1,4 @@
-"""What became of a skill over its versions, and what it was made from."""
+"""The history of a skill: what made each version, and the skills it was made from."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 
 from skillctl.errors import ArtifactError, NotFoundError, SkillctlError, StoreError
 from skillctl.store import Located, Lock, ParentRecord, Registry, locate_store, read_header, read_skill
+from skillctl.store.folder import by_version
 from skillctl.store.source import Source, open_skill
 
 Presence: TypeAlias = Literal["present", "changed", "missing"]
@@ -20,10 +21,10 @@ class LogEntry:
 
     Attributes:
         version, aliases: How it is named.
-        digest, command, note, date, tool: Its identity, and what made it; None where it cannot be read.
+        digest, command, note, date, tool: Its identity, and what made it; None if it cannot be read.
         parents: Skills it was made from.
         inputs: How many files it was made from.
-        problem: Why it cannot be read, if so.
+        problem: Why it cannot be read.
     """
 
     version: int
@@ -55,16 +56,16 @@ def log(name: str, *, limit: int | None = None, store: Path | None = None) -> Lo
         store: Where names live; default as on the command line.
 
     Raises:
-        UsageError: No skill can be called so.
+        UsageError: No skill can have this name.
         NotFoundError: There is no such skill.
         InvalidRefsError: Its aliases cannot be read.
     """
     registry = Registry(locate_store(store))
     versions = registry.versions(name)
     if not versions:
-        registry.locate(name)  # says what there is instead
-    words = registry.words(name)
-    newest = list(reversed(versions))[:limit]
+        registry.locate(name)  # raises, and says what there is instead
+    words = by_version(registry.aliases(name))
+    newest = versions[::-1][:limit]
     entries = (_entry(registry.path_of(name, number), number, words.get(number, ())) for number in newest)
     return LogReport(name, tuple(entries))
 
@@ -94,7 +95,7 @@ class Ancestor:
 
     Attributes:
         skill: As it was named when it was used, or as it is found now.
-        role: In what was made from it; empty for the skill itself.
+        role: Its role in the skill that was made from it; empty for the skill itself.
         digest: Its content digest, as its child recorded it.
         presence: ``present`` (this content is there), ``changed`` (other content is there), or ``missing``.
         path: Where it is, if present.
@@ -134,8 +135,9 @@ class LineageReport:
 def lineage(reference: str | Path, *, store: Path | None = None, lock: Lock | None = None) -> LineageReport:
     """Return the tree of parents of a skill, and which of them are still there.
 
-    A parent is looked for in the store, under its name and version, then under its name by its content; a
-    parent that was a file, beside its child. Content decides: a digest cannot fit another skill.
+    A parent is looked for in the store, under its name and version, then among the other versions of the
+    name; a parent that was a file is looked for beside its child. Only a skill with the recorded digest is
+    the parent.
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
@@ -164,18 +166,17 @@ def _ancestor(record: ParentRecord, folder: Path, registry: Registry) -> Ancesto
             if read_header(located.path).digest == record.digest:
                 return _found(Source(located, read_skill(located.path)), record.role, registry)
         except SkillctlError:
-            pass  # damaged, so not what it was
-        # Another version may well be another skill; only the place where it was tells of a change.
+            pass  # damaged, so it is not the parent
+        # Another version may be another skill; only other content in the recorded place is a change.
         if located.version in (None, record.version):
             presence = "changed"
-    name = f"{record.name}@{record.version}" if record.version else record.name
-    return Ancestor(name, record.role, record.digest, presence, None, None, None, ())
+    return Ancestor(record.shown, record.role, record.digest, presence, None, None, None, ())
 
 
 def _candidates(record: ParentRecord, folder: Path, registry: Registry) -> Iterator[Located]:
     """Yield where a parent may be found, the likeliest place first."""
     if record.version is None:
-        yield Located(folder / Path(record.name).name)  # a name in a file must not lead elsewhere
+        yield Located(folder / Path(record.name).name)  # a name in a file must not lead to another directory
         return
     try:
         versions = registry.versions(record.name)

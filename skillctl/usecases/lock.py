@@ -1,4 +1,4 @@
-"""Which skills a pipeline may use, written down by content."""
+"""The lock file: which skills a pipeline may use, by their content."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from skillctl.store import (
     locked_skill,
     read_lock,
     read_skill,
-    write_lock,
+    write_changed,
 )
 
 
@@ -45,7 +45,7 @@ class LockReport:
     Attributes:
         path: Its file.
         skills: What it names, or would name.
-        changes: In what that differs from what it named.
+        changes: What differs from what it named before.
         written: Whether the file was written; never when it was only checked.
     """
 
@@ -84,7 +84,7 @@ def lock(
     else:
         skills = tuple(_locked(skill.reference, locate_again(skill, path, store), path) for skill in before)
     skills = tuple(sorted(set(skills), key=lambda skill: skill.key))
-    written = not check and write_lock(path, lock_text(skills))
+    written = not check and write_changed(path, lock_text(skills).encode())
     return LockReport(path, skills, _changes(before, skills), written)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
 from skillctl.store import Registry, locate_store
+from skillctl.store.folder import by_version
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,12 +18,12 @@ class VersionEntry:
     Attributes:
         version: Its number.
         aliases: Words that name it.
-        kind: ``seds``, ``merged`` or ``combined``; None where the file cannot be read, as digest and bytes.
+        kind: ``seds``, ``merged`` or ``combined``; like digest and bytes None if the file cannot be read.
         digest: Content digest.
         bytes: Size of the file.
-        verified: Whether the whole file passes every check that a command makes before it uses one; None
-            where only its beginning was read, so that what is told of it is what it says of itself.
-        problem: What is wrong with it, if anything.
+        verified: Whether the whole file passes every check that commands make before they use it; None
+            if only its first bytes were read, so the other values are what the file says of itself.
+        problem: What is wrong with it.
     """
 
     version: int
@@ -43,7 +44,7 @@ class StoredSkill:
         versions: Its version numbers, rising.
         path: File of the newest one.
         entries: Each version, in that order.
-        problem: Why its aliases cannot be read, if so.
+        problem: Why its aliases cannot be read.
     """
 
     name: str
@@ -72,7 +73,7 @@ def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: 
     Args:
         store: Its directory; default as on the command line.
         names: Only these skills.
-        check: Read every file as a whole, as every command does before it uses one.
+        check: Read every file as a whole, as commands do before they use it.
 
     Raises:
         NotFoundError: There is no skill of a name.
@@ -91,7 +92,7 @@ def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
     words: dict[int, tuple[str, ...]] = {}
     problem = None
     try:
-        words = registry.words(name)
+        words = by_version(registry.aliases(name))
     except (ArtifactError, StoreError) as error:
         problem = str(error)
     entries = tuple(_entry(registry, name, number, words.get(number, ()), check) for number in numbers)

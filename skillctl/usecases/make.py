@@ -202,8 +202,7 @@ def _changed_parents(there: Sequence[ParentRecord], wanted: Sequence[ParentRecor
 
 
 def _named(parent: ParentRecord) -> str:
-    name = parent.name if parent.version is None else f"{parent.name}@{parent.version}"
-    return f"{name} ({parent.digest.removeprefix('sha256:')[:12]})"
+    return f"{parent.shown} ({parent.digest.removeprefix('sha256:')[:12]})"
 
 
 def candidates_digest(digests: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Who vouches for a skill: signatures of its content, made and verified."""
+"""Signatures of what a skill holds: made and verified."""
 
 from __future__ import annotations
 
@@ -21,39 +21,41 @@ from skillctl.store.source import Source, open_skill
 
 
 @dataclass(frozen=True)
-class SignReport:
-    """What ``sign`` did.
+class _Signed:
+    """A skill, a key, and where the signature is.
 
     Attributes:
-        skill, digest: What was signed.
-        path: Where the signature is.
-        key: Public key that verifies it, ``ed25519:…``.
-        created: False if it was there already.
+        skill, digest: The skill.
+        path: The file of its signatures, which need not exist.
+        key: The public key, ``ed25519:…``.
     """
 
     skill: str
     digest: str
     path: Path
     key: str
+
+
+@dataclass(frozen=True)
+class SignReport(_Signed):
+    """What ``sign`` did.
+
+    Attributes:
+        created: False if the signature was there already.
+    """
+
     created: bool
 
 
 @dataclass(frozen=True)
-class SignatureReport:
+class SignatureReport(_Signed):
     """Whether a key has signed a skill.
 
     Attributes:
-        skill, digest: The skill.
-        path: Where signatures are looked for.
-        key: The public key, ``ed25519:…``.
         state: ``valid``; ``invalid``; it signed ``other content``; only an ``other key`` did; ``unsigned``.
-        explanation: That in a sentence.
+        explanation: The same as a sentence.
     """
 
-    skill: str
-    digest: str
-    path: Path
-    key: str
     state: SignatureState
     explanation: str
 
@@ -76,8 +78,8 @@ def sign(
         ask: Asks for the password of an encrypted key.
 
     Raises:
-        NotFoundError, ArtifactError: The reference leads to no intact skill, or what is beside it are no
-            signatures; or no such key, or ``cryptography`` is not installed.
+        NotFoundError, ArtifactError: The reference leads to no intact skill, or the file
+            beside it holds no signatures; or there is no such key, or ``cryptography`` is not installed.
         InputDataError: Not an Ed25519 private key.
         StoreError: The signature cannot be written.
     """
@@ -101,8 +103,8 @@ def verify_signature(
         lock: Allow only skills that it names.
 
     Raises:
-        NotFoundError, ArtifactError: The reference leads to no intact skill, or what is beside it are no
-            signatures; or no such key, or ``cryptography`` is not installed.
+        NotFoundError, ArtifactError: The reference leads to no intact skill, or the file
+            beside it holds no signatures; or there is no such key, or ``cryptography`` is not installed.
         InputDataError: Not an Ed25519 public key.
     """
     public_key = read_public_key(key)
@@ -113,7 +115,7 @@ def check_signature(source: Source, key: str) -> SignatureReport:
     """Return whether a public key (``ed25519:…``) has signed a skill that was read.
 
     Raises:
-        InvalidSignaturesError: What is beside it are no signatures.
+        InvalidSignaturesError: The file beside it holds something else.
     """
     path = signatures_path(source.located.path)
     digest = source.artifact.digest
@@ -122,9 +124,9 @@ def check_signature(source: Source, key: str) -> SignatureReport:
     others = ", ".join(sorted({signature.key for signature in signatures}))
     sentences: dict[SignatureState, str] = {
         "valid": f"{key} has signed {source.name}.",
-        "invalid": f"the signature of {key} in {path} is not one of it: it was changed.",
+        "invalid": f"the signature of {key} in {path} is not valid: it was changed.",
         "other content": f"{key} has signed other content than {source.name} holds now, {digest}.",
-        "other key": f"{key} has not signed {source.name}; signatures are there of {others}.",
+        "other key": f"{key} has not signed {source.name}; there are signatures of {others}.",
         "unsigned": f"{source.name} is not signed: there are no signatures in {path}.",
     }
     return SignatureReport(source.name, digest, path, key, state, sentences[state])

@@ -1,4 +1,4 @@
-"""What a build tool such as Make needs to know of a file that was made."""
+"""What a build tool such as Make needs: times of files, and their dependencies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from skillctl.store import write_file
 
 
 def require_target(output: Path | None, depfile: Path | None, if_changed: bool) -> None:
-    """Raise UsageError if a build tool's options are given without a file that they can be about."""
+    """Raise UsageError if options for a build tool are given, and no file is written."""
     if output is None and (depfile is not None or if_changed):
         raise UsageError(
             f"{'--depfile' if depfile else '--if-changed'} is about a file, and none is written.",
@@ -26,10 +26,10 @@ def finish_target(
     depfile: Path | None = None,
     if_changed: bool = False,
 ) -> None:
-    """Leave a target as a build tool wants it: newer than its inputs, its dependencies written down.
+    """Make a target newer than its inputs, and write down its dependencies, as a build tool needs it.
 
     Args:
-        output: The file that was made, or found to be right already; None for a version of the store.
+        output: The file that was made or is up to date; None for a version of the store.
         inputs: Files it was made from.
         created: Whether it was written.
         depfile: File for the dependencies, in Make's syntax.
@@ -47,7 +47,7 @@ def finish_target(
 
 
 def dependencies(output: Path, inputs: Iterable[Path]) -> str:
-    """Return a rule without commands, and an empty one an input so that a removed one stops nothing."""
+    """Return a rule without commands, and an empty rule for each input, in case it is removed."""
     names = [_escaped(path) for path in dict.fromkeys(inputs)]
     return "".join([f"{_escaped(output)}: {' '.join(names)}\n", *(f"{name}:\n" for name in names)])
 

@@ -1,4 +1,4 @@
-"""Names for versions, and the end of versions that nobody needs."""
+"""Aliases for versions, and the removal of versions that are not needed any more."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skillctl.errors import UsageError, printable
 from skillctl.store import Reference, Registry, locate_store, parse_reference
-from skillctl.store.aliases import by_version
+from skillctl.store.folder import by_version
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class TagReport:
     """What an alias names now.
 
     Attributes:
-        skill: ``name@3``; what an alias that was removed had named.
+        skill: ``name@3``; for an alias that was removed, the version that it named.
         alias: The word.
         before: What the alias named until now, if anything.
     """
@@ -33,7 +33,7 @@ class Removal:
     Attributes:
         skill: ``name@3``.
         path: Its file.
-        aliases: That named it, and go with it.
+        aliases: The aliases that named it; they are removed with it.
     """
 
     skill: str
@@ -62,14 +62,15 @@ def tag(reference: str, alias: str, *, store: Path | None = None) -> TagReport:
     """Let an alias name a version of the store.
 
     Raises:
-        UsageError: The reference names a file, or no version can be called so.
+        UsageError: The reference names a file, or no version can have this alias.
         NotFoundError: There is no such skill or version.
         InvalidRefsError: The skill's aliases cannot be read.
     """
-    registry = Registry(locate_store(store))
-    name, version = _stored(registry, reference)
-    before = registry.tag(name, version, alias)
-    return TagReport(f"{name}@{version}", alias, None if before is None else f"{name}@{before}")
+    registry, parsed = Registry(locate_store(store)), _in_store(reference)
+    version = registry.version_of(parsed)
+    before = registry.tag(parsed.name, version, alias)
+    named = None if before is None else f"{parsed.name}@{before}"
+    return TagReport(f"{parsed.name}@{version}", alias, named)
 
 
 def untag(name: str, alias: str, *, store: Path | None = None) -> TagReport:
@@ -107,18 +108,24 @@ def remove(
     registry = Registry(locate_store(store))
     doomed: dict[str, set[int]] = {}
     for reference in references:
-        parsed = _parsed(reference)
+        parsed = _in_store(reference)
+        name = parsed.name
         if all_versions != ("@" not in reference):
             raise UsageError(
                 f"{reference}: with --all, give names without a version."
                 if all_versions
                 else f"{reference} does not say which version.",
-                hint=f"Write {parsed.name}@3, or --all {parsed.name} for every version.",
+                hint=f"Write {name}@3, or --all {name} for every version.",
             )
-        name, version = _stored(registry, reference)
+        version = registry.version_of(parsed)
         doomed.setdefault(name, set()).update(registry.versions(name) if all_versions else {version})
-    if not force:
-        _require_untagged(registry, doomed)
+    for name, numbers in () if force else doomed.items():
+        for alias, version in registry.aliases(name).items():
+            if version in numbers:
+                raise UsageError(
+                    f"{name}@{version} is {name}@{alias}; nothing was removed.",
+                    hint=f"`skillctl untag {name} {alias}` first, or --force.",
+                )
     return _remove(registry, doomed, dry_run)
 
 
@@ -158,7 +165,7 @@ def collect(
     return _remove(registry, doomed, dry_run)
 
 
-def _parsed(reference: str) -> Reference:
+def _in_store(reference: str) -> Reference:
     parsed = parse_reference(reference)
     if isinstance(parsed, Path):
         raise UsageError(
@@ -168,27 +175,10 @@ def _parsed(reference: str) -> Reference:
     return parsed
 
 
-def _stored(registry: Registry, reference: str) -> tuple[str, int]:
-    """Return name and version of a skill of the store."""
-    parsed = _parsed(reference)
-    return parsed.name, registry.version_of(parsed)
-
-
-def _require_untagged(registry: Registry, doomed: dict[str, set[int]]) -> None:
-    for name, numbers in doomed.items():
-        for alias, version in registry.aliases(name).items():
-            if version in numbers:
-                raise UsageError(
-                    f"{name}@{version} is {name}@{alias}; nothing was removed.",
-                    hint=f"`skillctl untag {name} {alias}` first, or --force.",
-                )
-
-
 def _remove(registry: Registry, doomed: dict[str, set[int]], dry_run: bool) -> RemoveReport:
     removed: list[Removal] = []
-    kept = 0
+    kept = sum(len(registry.versions(name)) - len(numbers) for name, numbers in doomed.items())
     for name, numbers in sorted(doomed.items()):
-        kept += len(registry.versions(name)) - len(numbers)
         if not numbers:
             continue
         words = by_version(registry.aliases(name) if dry_run else registry.remove(name, numbers))

@@ -84,7 +84,7 @@ def test_what_is_not_signed_by_the_key_exits_one_and_says_why(run, registry):
     path = store.signatures_path(registry.path_of("curve", 1))
     assert state("there are no signatures") == "unsigned"
     run("sign", "curve", "--key", "theirs.pem")
-    assert state("has not signed curve@1; signatures are there of ed25519:") == "other key"
+    assert state("has not signed curve@1; there are signatures of ed25519:") == "other key"
     run("sign", "curve", "--key", "ours.pem")
     *others, own = path.read_text().splitlines()
     key = document(run("sign", "curve", "--key", "ours.pem", "--json"))["key"]

@@ -9,14 +9,13 @@ from pydantic import BaseModel
 
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.store import (
-    aliases,
     canonical,
     errors,
     files,
+    folder,
     layout,
+    local,
     migrations,
-    numbering,
-    publishing,
     references,
     schema,
     seal,
@@ -92,12 +91,12 @@ def test_numbers_agree():
 
 def test_the_store_is_described_as_it_is():
     section = PAGE[PAGE.index("## 6.") : PAGE.index("## 7.")]
-    assert f"`{publishing.TEMPORARY_PREFIX}`" in section
-    assert f"`.{aliases.REFS_FILE}.`" in section
-    assert f"mode 0{publishing.FILE_MODE:o}" in section
+    assert f"`{local.TEMPORARY_PREFIX}`" in section
+    assert f"`.{folder.REFS_FILE}.`" in section
+    assert f"mode 0{local.FILE_MODE:o}" in section
     assert files.STALE_SECONDS == 3600
     assert "older than an hour" in section
-    assert f"`<version>.h5{numbering.SIGNATURE_SUFFIX}`" in section
+    assert f"`<version>.h5{folder.SIGNATURE_SUFFIX}`" in section
     for pattern in (references._NAME, references._WORD):
         assert f"`{pattern.pattern}`" in section
 

@@ -6,6 +6,7 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import NotFoundError, UsageError
+from skillctl.store.folder import Folder
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def test_a_digest_pins_a_version(filled, versions, digits):
 
 def test_a_digest_beginning_that_fits_two_contents_is_refused(filled, monkeypatch):
     fake = {n: f"sha256:{'a' * 10}{n}" for n in (1, 2, 3)}
-    monkeypatch.setattr(store.Registry, "_stated_digest", lambda _, __, number: fake[number])
+    monkeypatch.setattr(Folder, "stated_digest", lambda _, number: fake[number])
     with pytest.raises(UsageError, match="3 versions of reach have a content digest beginning") as caught:
         filled.locate("reach@sha256:aaaaaaaa")
     assert fake[2] in caught.value.hint

@@ -37,9 +37,9 @@ def test_a_lock_is_read_as_it_was_written_whatever_the_order(place):
 
 def test_an_unchanged_lock_is_left_alone(place):
     text = store.lock_text([REACH])
-    assert store.write_lock(place, text)
+    assert store.write_changed(place, text.encode())
     before = place.stat().st_mtime_ns, place.stat().st_ino
-    assert not store.write_lock(place, text)
+    assert not store.write_changed(place, text.encode())
     assert (place.stat().st_mtime_ns, place.stat().st_ino) == before
     assert [path.name for path in place.parent.iterdir()] == [place.name]
 

@@ -8,14 +8,14 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError, StoreError
-from skillctl.store import errors, files, publishing
+from skillctl.store import errors, files, local
 
 
 @pytest.fixture(params=["unnamed", "named"])
 def registry(tmp_path, request, monkeypatch):
     """A store on a file system with, and one without, temporary files that have no name."""
     if request.param == "named":
-        monkeypatch.setattr(publishing, "_open_unnamed", lambda _: None)
+        monkeypatch.setattr(local, "_open_unnamed", lambda _: None)
     return store.Registry(tmp_path / "skills")
 
 
@@ -158,7 +158,7 @@ def test_a_link_in_place_of_a_temporary_file_is_not_written_through(
     """Names of temporary files cannot be guessed; even so, what stands there is left alone."""
     directory = registry.publish("reach", versions[0]).path.parent
     (target := tmp_path / "target").write_text("precious")
-    monkeypatch.setattr(publishing.secrets, "token_hex", lambda n: "0" * 2 * n)
+    monkeypatch.setattr(local.secrets, "token_hex", lambda n: "0" * 2 * n)
     planted = [directory / f".publishing-{'0' * 16}", directory / f".refs.toml.{'0' * 8}.tmp"]
     for path in planted:
         path.symlink_to(target)

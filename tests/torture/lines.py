@@ -21,7 +21,7 @@ from skillctl import store
 from skillctl.errors import Terminated
 
 # Where the store is written.
-TRACED = ("registry.py", "publishing.py", "numbering.py", "aliases.py", "files.py", "signing.py")
+TRACED = ("registry.py", "folder.py", "local.py", "files.py", "signing.py")
 
 # What an operation prepares, and then does.
 Operation = Callable[[store.Registry, Tell], Callable[[], object]]

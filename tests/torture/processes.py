@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skillctl import store
 from skillctl.cli.errors import describe
-from skillctl.store import publishing, registry
+from skillctl.store import local, registry
 
 TEMPLATE = Path(__file__).parents[1] / "archives" / "v1" / "seds.h5"
 
@@ -25,7 +25,7 @@ def content(writer: object, index: int) -> bytes:
 
 def without_unnamed_files() -> None:
     """Let this process publish as on a file system that has no files without names."""
-    publishing._open_unnamed = lambda directory: None
+    local._open_unnamed = lambda directory: None
 
 
 def forked(work: Callable[[Tell], None]) -> tuple[int, int]:

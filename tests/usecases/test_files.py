@@ -10,6 +10,7 @@ from skillctl import store
 from skillctl.errors import NotFoundError, UsageError
 from skillctl.store.artifact import arrays_of
 from skillctl.store.layout import META, content_digest
+from skillctl.store.migrations import FORMAT_VERSION
 from skillctl.store.seal import seal
 from skillctl.store.writer import body_of
 from skillctl.usecases.files import load, save
@@ -66,14 +67,14 @@ def test_a_skill_of_any_kind_that_is_saved_says_that_python_made_it(run, curve, 
 # Sealed by somebody who knows the format
 
 
-def sealed(artifact, **stated):
-    """The file of an artifact with another operation, though the format forbids it."""
+def sealed(artifact, version=FORMAT_VERSION, **stated):
+    """The file of an artifact with another operation or version, though the format forbids it."""
     arrays = arrays_of(artifact)
     meta = json.loads(arrays[META].tobytes())
     meta["operation"].update(stated)
     arrays[META] = np.frombuffer(json.dumps(meta, sort_keys=True, separators=(",", ":")).encode(), np.uint8)
-    body = body_of(arrays)
-    return seal(body, meta["skill"]["kind"], content_digest(arrays)) + body
+    body = body_of(arrays, version)
+    return seal(body, meta["skill"]["kind"], content_digest(arrays, version), version) + body
 
 
 @pytest.mark.parametrize("command", ["merge", "combine"])
@@ -117,3 +118,28 @@ def test_a_merger_of_format_1_that_lacks_its_results_is_made_again(run, library,
     assert again.exit_code == 0
     assert json.loads(again.stdout)["reasons"] == ["it does not say what came of it"]
     assert store.read_skill(tmp_path / "made.h5").digest == artifact.digest
+
+
+@pytest.mark.parametrize(
+    "later", [{"version": FORMAT_VERSION + 1}, {"command": "adapt"}], ids=["format", "feature"]
+)
+def test_a_file_of_a_later_build_is_not_overwritten(run, library, tmp_path, later):
+    make = ["combine", "curve", "hook", "--store", library, "-o"]
+    assert run(*make, tmp_path / "made.h5").exit_code == 0
+    data = sealed(store.read_skill(tmp_path / "made.h5"), **later)
+    (tmp_path / "made.h5").write_bytes(data)
+    for options in ([], ["--force"]):
+        refused = run(*make, tmp_path / "made.h5", *options)
+        assert refused.exit_code == 2
+        assert "made.h5 exists and is a skill that only a later skillctl can use; it will" in refused.stderr
+        assert "hint: Upgrade skillctl, give another name after -o, or remove the file." in refused.stderr
+        assert (tmp_path / "made.h5").read_bytes() == data
+
+
+def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curve, library, tmp_path):
+    data = sealed(store.read_skill(save(curve, tmp_path / "curve.h5")), command="adapt")
+    assert store.Registry(tmp_path).publish("both", data).version == 1
+    skills = [library / name / "1.h5" for name in ("curve", "hook")]
+    made = run("combine", *skills, "--store", tmp_path, "--name", "both", "--json")
+    assert json.loads(made.stdout)["written"]["skill"] == "both@2"
+    assert (tmp_path / "both" / "1.h5").read_bytes() == data
