@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ LOST = 1.5  # a motion this many boxes away from the middle has left the picture
 MARGIN = 0.1  # of the box around everything, left free on each side
 SLIMMEST = 0.55  # shortest side of the box, as a share of the longest
 POINTS = 300  # drawn of one motion; more cannot be seen
-CENTIMETRES = 0.3  # extents below this many metres are told in millimetres
+CENTIMETRES = 0.3  # smaller extents are given in millimetres
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """The unit in which a figure gives lengths: metres, millimetres or radians."""
+    """The unit in which a figure gives lengths, and how many of them are one unit of the space."""
 
     factor: float
     unit: str
@@ -51,10 +51,6 @@ class Scale:
     def of(cls, space: Space, extent: float) -> Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
-
-    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
-        """Return the picked coordinates of positions (…, d) in this unit. Shape (number picked, …)."""
-        return np.asarray(self.factor * positions[..., picked].T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +76,19 @@ class Portrait:
     def goals(self) -> FloatArray:
         """Where motions end. Shape (n, d)."""
         return self.skill.attractors
+
+    @property
+    def scale(self) -> Scale:
+        """The unit in which its figures give lengths, which the size of its box decides."""
+        return Scale.of(self.skill.space, float((self.high - self.low).max()))
+
+    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
+        """Return the picked coordinates of positions (…, d) in that unit. Shape (number picked, …)."""
+        return np.asarray(self.scale.factor * positions[..., picked].T)
+
+    def within(self, low: FloatArray, high: FloatArray) -> Portrait:
+        """Return the same portrait with another box, given by its corners (d,)."""
+        return replace(self, low=low, high=high)
 
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:

@@ -1,4 +1,4 @@
-"""Pictures of skills: gathered here, drawn by the plotting room, written whole or not at all."""
+"""Pictures of skills, as files and for pages."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 from skillctl.errors import StoreError
 from skillctl.model.skill import Skill, retargeted
-from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import draw_fit
-from skillctl.plotting.formats import require_few, require_format, require_picture
+from skillctl.plotting.formats import require_few, require_picture
 from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
-from skillctl.plotting.proof import draw_proofs
+from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
 from skillctl.stability.report import Certificate, at_least
@@ -39,15 +38,13 @@ def picture_skill(name: str, artifact: Artifact, path: Path) -> None:
     Args:
         name: For the title.
         artifact: The skill with its demonstrations.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
-        UsageError: No such format, or no such directory.
+        UsageError: No such format.
         StoreError: The picture cannot be written.
     """
-    require_picture(path)
-    figure = draw_skill(_portrait(name, artifact), kind_of(artifact.skill))
-    write_file(path, encode(figure, require_format(path)))
+    _write(path, draw_skill(_portrait(name, artifact), kind_of(artifact.skill)))
 
 
 def picture_family(
@@ -60,19 +57,17 @@ def picture_family(
         child: As it was written.
         parents: From left to right.
         shares: The weight or prior of each.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
         UsageError, StoreError: See ``picture_skill``.
     """
-    require_picture(path)
     word = "prior" if child.skill.kind == "combined" else "weight"
     members = [
         (_portrait(parent.name, parent.artifact), f"{word} {share:.3g}")
         for parent, share in zip(parents, shares, strict=True)
     ]
-    figure = draw_family(members, (_portrait(name, child), kind_of(child.skill)))
-    write_file(path, encode(figure, require_format(path)))
+    _write(path, draw_family(members, (_portrait(name, child), kind_of(child.skill))))
 
 
 def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path: Path) -> None:
@@ -82,13 +77,12 @@ def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path
         name: Of the skill.
         artifact: The skill with its demonstrations.
         left_out: Result of a validation; empty if there was none.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
         UsageError, StoreError: See ``picture_skill``.
     """
-    require_picture(path)
-    write_file(path, encode(_fit_figure(name, artifact, left_out), require_format(path)))
+    _write(path, _fit_figure(name, artifact, left_out))
 
 
 def picture_proofs(report: VerifyReport, path: Path) -> None:
@@ -98,7 +92,6 @@ def picture_proofs(report: VerifyReport, path: Path) -> None:
         UsageError: More skills than fit into one figure, or see ``picture_skill``.
         StoreError: The picture cannot be written, or a skill changed since it was verified.
     """
-    require_picture(path)
     require_few(len(report.skills))
     proofs = [
         (_portrait(verdict.skill, reopened(verdict.path, verdict.digest)), bounds_of(verdict.certificate))
@@ -106,7 +99,7 @@ def picture_proofs(report: VerifyReport, path: Path) -> None:
         if verdict.certificate is not None and verdict.path is not None
     ]
     if proofs:
-        write_file(path, encode(draw_proofs(proofs), require_format(path)))
+        _write(path, draw_proofs(proofs))
 
 
 def reopened(path: Path, digest: str | None) -> Artifact:
@@ -150,8 +143,7 @@ def kind_of(skill: Skill) -> str:
 def bounds_of(certificate: Certificate) -> Bounds:
     """Return what a figure shows of a certificate."""
     everywhere = certificate.scope == "global"
-    local = certificate.scope == "local"
-    words = f"{certificate.verdict} (local proof)" if local else certificate.verdict
+    words = certificate.verdict + (" (local proof)" if certificate.scope == "local" else "")
     if everywhere and certificate.rate is not None:
         words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
@@ -160,6 +152,10 @@ def bounds_of(certificate: Certificate) -> Bounds:
         radii=tuple(part.radius for part in certificate.parts),
         witness=certificate.sampling.witness if certificate.sampling else None,
     )
+
+
+def _write(path: Path, figure: Drawing) -> None:
+    write_file(path, encode(figure, require_picture(path)))
 
 
 def _portrait(name: str, artifact: Artifact) -> Portrait:
