@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
+from skillctl.progress import Progress
 from skillctl.simulation.arm import ArmBody, LiveArm
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
@@ -22,9 +22,9 @@ from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import Control
 from skillctl.simulation.position import PositionArm
 from skillctl.simulation.prepare import Setup, prepare
+from skillctl.simulation.recording import Recorder
 from skillctl.simulation.scenario import MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
-from skillctl.simulation.series import Recorder
 from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
@@ -36,7 +36,6 @@ CONTROLLED: dict[Control, type[PositionArm] | type[TorqueArm]] = {
     "position": PositionArm,
     "torque": TorqueArm,
 }
-Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
 
 def simulate(
@@ -53,7 +52,7 @@ def simulate(
     Args:
         skill: Any skill over hand positions in two or three dimensions.
         scenario: Arm, placement, scene, start, target, limits, disturbances.
-        progress: Called every tenth of a simulated second.
+        progress: Called every tenth of a simulated second, with milliseconds simulated and at most.
         gui: Show it in a window, in real time.
 
     Raises:
@@ -138,14 +137,14 @@ class _Run:
             if pace is not None:
                 pace.wait(now)
             if progress is not None and step % every == 0:
-                progress(now, horizon)
-        hand = self.arm.state().hand
+                progress("moving", round(1e3 * now), round(1e3 * horizon))
+        hand = self.arm.state.hand
         away = 1e3 * length(hand - self.motion.target(hand))
         return Verdict("timeout", f"the hand was {away:.0f} mm from its target after {horizon:.1f} s")
 
     def _step(self, now: float) -> Verdict | None:
         """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
-        hand = self.arm.state().hand
+        hand = self.arm.state.hand
         contacts = self.scene.contacts()
         velocity = self.grasping.velocity(now, self.arm.tracking.reference) if self.grasping else None
         by_skill = velocity is None
@@ -187,13 +186,13 @@ class _Run:
                 self.motion.move(offset)
                 self._look()
             elif not self._displaced(offset):
-                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state().hand + offset))
+                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
         """Take the hand elsewhere, by ``offset`` (3,); return False if it cannot be there."""
-        state = self.arm.state()
+        state = self.arm.state
         shares = np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]
         way = [state.hand + share * offset for share in shares]
         standing = Solution(state.joints, 0.0, accepted=True)  # for a hand that is not moved at all
@@ -204,7 +203,7 @@ class _Run:
 
     def _liftable(self) -> float:
         """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
-        state, lift = self.arm.state(), self.scenario.grasp.lift
+        state, lift = self.arm.state, self.scenario.grasp.lift
         steps = math.ceil(lift / LIFTED_STEP)
         way = [state.hand + np.array([0.0, 0.0, lift * step / steps]) for step in range(1, steps + 1)]
         reached = sum(solution.accepted for solution in self.kinematics.along(way, state.joints))
