@@ -132,9 +132,9 @@ def _trace(episode: Episode) -> Trace:
     series = episode.series
     approach = series.phases == 0
     return Trace(
-        arm=episode.arm,
-        base_yaw=episode.base_yaw,
-        plane=episode.placement.plane,
+        arm=episode.setup.arm,
+        base_yaw=episode.setup.base_yaw,
+        plane=episode.setup.placement.plane,
         joints=series.joints[0],
         fingers=series.fingers[0],
         path=thinned(series.hand[approach], PATH_SPACING),

@@ -19,12 +19,7 @@ START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
 Stream: TypeAlias = Literal["cup", "start", "body", "seed"]
-STREAMS: tuple[Stream, ...] = (
-    "cup",
-    "start",
-    "body",
-    "seed",
-)  # append only: the place in this tuple seeds a stream
+STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # append only: the index seeds a stream
 
 
 def chosen(

@@ -1,9 +1,4 @@
-"""What happened in one simulated episode, and the figures that sum it up.
-
-An ``Episode`` holds the scenario it ran, the arm and placement chosen for it, the plan, a ``TimeSeries``
-with one row per control period (enough to draw every moment again: joints, fingers, cup), the
-``Metrics``, how it ended (``Outcome``), and for a failure what happened in words (``detail``).
-"""
+"""What happened in one simulated episode, and the figures that sum it up."""
 
 from __future__ import annotations
 
@@ -15,6 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
+from skillctl.model.skill import Skill
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL
 from skillctl.simulation.motion import Plan
@@ -67,6 +63,28 @@ class RefusedError(GoalNotReachedError):
     def __init__(self, outcome: Outcome, message: str, *, hint: str = "") -> None:
         super().__init__(message, hint=hint)
         self.outcome = outcome
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Setup:
+    """Everything an episode needs to begin.
+
+    Attributes:
+        skill: The skill, moved to its target.
+        arm, placement, hand, base_yaw: The choices of the scenario, or the automatic ones; base_yaw in [rad].
+        joints: Posture at the start, shape (n,), [rad].
+        plan: The ideal motion from there to the true target, undisturbed.
+        followable: Whether neighbouring joints exist all along the plan.
+    """
+
+    skill: Skill
+    arm: ArmModel
+    placement: Placement
+    hand: HandPolicy
+    base_yaw: float
+    joints: FloatArray
+    plan: Plan
+    followable: bool
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -158,29 +176,27 @@ class Episode:
     """One run of a skill on an arm.
 
     Attributes:
-        scenario: What was asked for.
+        scenario: The scenario as it was given.
+        setup: The arm, the placement and the plan with which it began.
         outcome: How it ended.
-        detail: For a failure, what happened, as the end of a sentence; empty for a success.
-        arm, hand, base_yaw, placement: What the scenario, or the automatic choice, came to.
-        target: Workspace position the motion was going to at its end, shape (3,), [m].
-        plan: The ideal rollout from the same start, undisturbed.
+        detail: What happened, for a failure, as the end of a sentence; else empty.
         series: The measured motion.
         metrics: The figures.
-        wall_seconds: What the simulation cost. The only thing here that differs between two runs.
+        wall_seconds: Time that the simulation took, [s]; only this differs between equal runs.
     """
 
     scenario: Scenario
+    setup: Setup
     outcome: Outcome
     detail: str
-    arm: ArmModel
-    hand: HandPolicy
-    base_yaw: float
-    placement: Placement
-    target: FloatArray
-    plan: Plan
     series: TimeSeries
     metrics: Metrics
     wall_seconds: float
+
+    @property
+    def target(self) -> FloatArray:
+        """Workspace position of the target at the end, shape (3,), [m]."""
+        return np.asarray(self.series.targets[-1])
 
     @property
     def success(self) -> bool:

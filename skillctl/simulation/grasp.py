@@ -73,8 +73,8 @@ class Grasping:
     def __init__(
         self, scenario: Scenario, gripper: Gripper, cup: FloatArray, liftable: Callable[[], float]
     ) -> None:
-        """Args: scenario with a cup; gripper; pose (7,) of the cup at the start; function that returns how far
-        up the hand can go from where it is, at most the scenario's lift, [m].
+        """Args: scenario with a cup; gripper; pose (7,) of the cup at the start; function that returns how
+        far up the hand can go from where it is, at most the scenario's lift, [m].
         """
         self.phase: Phase = "approach"
         self.began = 0.0

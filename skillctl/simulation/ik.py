@@ -97,7 +97,7 @@ class Kinematics:
         """Return joints for a hand at ``point`` (3,), from no joints near by; this decides reachability.
 
         It starts from the ready posture, from the same turned towards the point, then from random postures
-        drawn with ``seed``. The result is accepted if it is within 0.1 mm and 1 degree; else it is the closest.
+        drawn with ``seed``. A result within 0.1 mm and 1 degree is accepted; without one it is the closest.
         """
         generator = np.random.default_rng(seed)
         turned = self.home.copy()

@@ -83,8 +83,8 @@ def encode_log(episode: Episode, kind: LogFormat = "csv") -> bytes:
     and ``tau1 … taun`` [Nm], measured; ``ik_residual`` [m]; ``part``, the acting part of a combined skill,
     from 0; ``phase``: approach, close, lift or hold; ``target_x target_y target_z`` [m]; ``finger1 …
     fingerm`` [m]; with a cup ``cup_x cup_y cup_z`` [m] and ``cup_qx cup_qy cup_qz cup_qw``; with a scene
-    ``contacts``, the number of points at which the arm touched it, and ``clearance`` [m], nan where it was not measured.
-    Positions are in the frame whose origin is the arm's base.
+    ``contacts``, the number of points at which the arm touched it, and ``clearance`` [m], nan where it was
+    not measured. Positions are in the frame whose origin is the arm's base.
 
     An HDF5 log has one dataset per column, of the same name and content; phases are ASCII.
     """
@@ -132,7 +132,5 @@ def _hdf5(columns: dict[str, np.ndarray[Any, Any]]) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", libver="earliest") as log:
         for name, values in columns.items():
-            log.create_dataset(
-                name, data=values, track_times=False
-            )  # without the time of writing, equal logs are equal bytes
+            log.create_dataset(name, data=values, track_times=False)  # a time would change the bytes
     return file.getvalue()

@@ -56,7 +56,7 @@ class TorqueArm(LiveArm):
         inertial = bullet.getLinkState(body.body, model.tip)[2:4]
         self._tip = bullet.invertTransform(*inertial)[0]  # Bullet measures from the link's centre of mass
         for joint in model.indices:
-            # Real arms compensate the friction of their joints; that of Bullet is explicit and shakes light joints.
+            # Real arms compensate the friction of their joints; Bullet's is explicit and shakes light joints.
             bullet.changeDynamics(body.body, joint, jointDamping=0.0)
         bullet.setJointMotorControlArray(  # by default a motor brakes its joint
             body.body, body.indices, bullet.VELOCITY_CONTROL, forces=[0.0] * model.n_joints

@@ -107,7 +107,7 @@ def simulate(
         if progress is not None:
             progress("drawing", 0, 1)
         write_file(path, encode(result))
-    placement = result.placement
+    setup, placement = result.setup, result.setup.placement
     return SimulateReport(
         skill=source.name,
         digest=source.artifact.digest,
@@ -115,9 +115,9 @@ def simulate(
         success=result.success,
         detail=result.detail,
         scenario=scenario.model_dump(),
-        arm=result.arm.name,
-        hand=result.hand,
-        base_yaw=result.base_yaw,
+        arm=setup.arm.name,
+        hand=setup.hand,
+        base_yaw=setup.base_yaw,
         plane=placement.plane,
         scale=placement.scale,
         origin=tuple(placement.origin.tolist()),

@@ -45,11 +45,11 @@ def test_the_target_is_reached_and_the_reference_followed(episode: Episode) -> N
     assert figures.plan_deviation < 3e-3
     assert figures.ik_failures == 0
     # The hand arrives when the plan, which ends a little nearer to the target, does.
-    assert figures.time_to_target <= episode.plan.duration
+    assert figures.time_to_target <= episode.setup.plan.duration
 
 
 def test_the_real_arms_limits_hold_in_every_row(episode: Episode) -> None:
-    arm, series = episode.arm, episode.series
+    arm, series = episode.setup.arm, episode.series
     assert (series.joints > arm.lower).all()
     assert (series.joints < arm.upper).all()
     assert (np.abs(series.velocities) <= arm.max_velocity).all()
@@ -101,7 +101,7 @@ def test_motors_give_no_more_torque_than_the_real_arm() -> None:
 def test_without_a_start_the_motion_begins_at_the_ready_posture(arm: str, linear: MakeLinear) -> None:
     episode = simulate(linear((0.5, 0.2, 0.5)), Scenario(arm=arm))
     assert episode.success
-    pitch = {"horizontal": 0.25, "down": math.pi / 2}[episode.hand]
+    pitch = {"horizontal": 0.25, "down": math.pi / 2}[episode.setup.hand]
     assert episode.series.joints[0] == pytest.approx(ARMS[arm].home_joints(pitch), abs=1e-12)
 
 
@@ -122,7 +122,7 @@ def test_a_moved_target_is_where_the_hand_ends(linear: MakeLinear) -> None:
 
 def test_the_base_turns_to_a_target_behind_it(linear: MakeLinear) -> None:
     episode = simulate(linear((-0.5, 0.1, 0.5)), Scenario())
-    assert episode.base_yaw == math.pi
+    assert episode.setup.base_yaw == math.pi
     assert episode.success
 
 
