@@ -1,4 +1,4 @@
-"""The velocity field in the plane: streamlines, few enough paths for a small file."""
+"""The velocity field in the plane: streamlines, of few paths for a small file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skillctl.plotting.portrait import Portrait
 from skillctl.plotting.style import FLOW
 
 GRID = 90  # points a side at which the field is evaluated
-FASTEST = 0.95  # quantile of the speeds on the grid from which on a streamline is at its widest
+FASTEST = 0.95  # quantile of the speeds on the grid at which a streamline is widest
 DENSITY, DENSITY_OF_SMALL = 1.15, 0.7  # of the streamlines, in Matplotlib's measure
 SMALL = 3.0  # [inch], width of axes that have room for fewer
 WIDTHS = (0.3, 0.5, 0.8, 1.15, 1.6)  # from the slowest fifth of the speeds to the fastest [points]

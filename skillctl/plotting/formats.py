@@ -1,4 +1,4 @@
-"""Which pictures can be written. This is checked before any work is done, hence without Matplotlib."""
+"""Checks, before any work is done and without Matplotlib, that a picture can be written."""
 
 from __future__ import annotations
 

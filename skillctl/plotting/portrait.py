@@ -1,4 +1,4 @@
-"""What a figure shows of a skill: demonstrations, motions from their starts, and the box around them."""
+"""The contents of a figure: a skill, its demonstrations, motions from their starts, and a box around them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 
 STEPS = 1000  # of a motion as long as the longest demonstration
-PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands
+PATIENCE = 10  # durations of the longest demonstration, after which a motion is cut off
 MOST_STEPS = 20_000  # bounds the cost to a second or two
-LOST = 1.5  # a motion this many boxes away from the middle has left the picture
+LOST = 1.5  # boxes from the middle; farther positions of a motion are outside the picture
 MARGIN = 0.1  # of the box around everything, left free on each side
 SLIMMEST = 0.55  # shortest side of the box, as a share of the longest
-POINTS = 300  # drawn of one motion; more cannot be seen
+POINTS = 300  # drawn of one motion; more would not be visible
 CENTIMETRES = 0.3  # smaller extents are given in millimetres
 
 
@@ -60,7 +60,7 @@ class Portrait:
     Attributes:
         name: For its title.
         skill: The skill.
-        demonstrations: Those that it carries.
+        demonstrations: The demonstrations that it carries.
         motions: One from the start of each; without demonstrations, one from each centre of its density.
         low, high: Corners of the box around all of them and the attractors, with a margin. Shape (d,).
     """
@@ -112,7 +112,7 @@ def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None)
     Args:
         skill: The skill.
         starts: Shape (n, d).
-        longest: Duration of the longest demonstration, [s]; None takes the skill's own pace.
+        longest: Duration of the longest demonstration, [s]; None: by the skill's own speed.
     """
     period = _period(skill) if longest is None else min(longest / STEPS, _period(skill))
     duration = min(PATIENCE * (longest or STEPS * period), MOST_STEPS * period)
@@ -144,7 +144,7 @@ def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return those positions that are near enough to be in the picture."""
+    """Return the positions that are near enough to be in the picture."""
     low, high = box(inner)
     reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
     near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
@@ -152,7 +152,7 @@ def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
 
 
 def _period(skill: Skill) -> float:
-    """Return a step that resolves the fastest component, and at which proved ones contract."""
+    """Return a period that resolves the fastest component, and at which the proved ones contract."""
     steps = []
     for part in skill.acting_parts:
         matrices = skill.outer_speed * part.component_matrices

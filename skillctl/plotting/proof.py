@@ -24,23 +24,23 @@ from skillctl.plotting.portrait import Motion, Portrait, box_around, motions_fro
 from skillctl.plotting.skill import WIDTH
 
 FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middle is one
-# Of the rates: the same for every kind of eye; without the darkest fifth, so that black lines can be seen.
+# Of the rates: readable with any colour vision; without the darkest fifth, for the sake of black lines.
 COLOURS = ListedColormap(matplotlib.colormaps["cividis"](np.linspace(0.2, 1.0, 256)))
 RATE = "decay rate −V̇ / 2V [1/s]"
-LARGEST_SHARE = 1e2  # above it they are lost
+LARGEST_SHARE = 1e2  # of it; above it motions are lost
 RANGE = 1e4  # from the largest decay rate shown in its own colour down to the smallest
 SMALLEST_SHARE = 1e-4  # of the distance at the start; below it motions have arrived
 
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What a certificate says, as far as a figure shows it.
+    """The parts of a certificate that a figure shows.
 
     Attributes:
-        verdict: In words, for the title.
-        rate: Proved decay rate of motions from everywhere, [1/s]; None where there is none.
-        radii: For each part, the distance from its attractor within which it is proved to end there; or None.
-        witness: Start of a motion that was found to reach no attractor, (d,); or None.
+        verdict: The verdict, in words, for the title.
+        rate: Proved decay rate of motions from everywhere, [1/s]; None if there is none.
+        radii: Distance from each part's attractor within which motions are proved to end there, or None.
+        witness: Start (d,) of a motion that reaches no attractor, or None.
     """
 
     verdict: str
@@ -52,8 +52,8 @@ class Bounds:
 def decay(skill: Skill, positions: FloatArray) -> FloatArray:
     r"""Return −V̇ / (2 V) at positions (n, d), shape (n,), [1/s]: the rate at which √V shrinks there.
 
-    V = (ξ − ξ*)ᵀ P (ξ − ξ*) with P and ξ* of the part that a start there selects. Zero exactly where V̇ is,
-    negative where V grows; NaN at the attractor, where neither moves.
+    V = (ξ − ξ*)ᵀ P (ξ − ξ*) with P and ξ* of the part that a start there selects. The rate is zero exactly
+    where V̇ is, negative where V grows, and NaN at the attractor.
     """
     rates = np.empty(len(positions))
     acting = skill.part_at(positions)
@@ -69,10 +69,10 @@ def decay(skill: Skill, positions: FloatArray) -> FloatArray:
 
 
 def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
-    """Return the figure of certificates, one row a skill.
+    """Return the figure of certificates, one row per skill.
 
-    Each row: in two dimensions a map of the decay rate −V̇ / 2V, in three its slices through the attractor;
-    and for every dimension how √V shrinks along motions, beside what is proved.
+    Each row has a map of the decay rate −V̇ / 2V in two dimensions, or its slices through the attractor in
+    three, and in every dimension √V along motions, beside the proved rate.
     """
     heights = [_height(portrait) for portrait, _ in proofs]
     with style.drawing():
@@ -122,7 +122,7 @@ def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | Non
 
 
 def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
-    """Draw the decay rate in three planes through the first attractor; the lowest is looked for in space."""
+    """Draw the decay rate in three planes through the first attractor, and the lowest rate in space."""
     scale, through = portrait.scale, portrait.goals[0]
     sides = [np.linspace(portrait.low[i], portrait.high[i], FINENESS[3]) for i in range(3)]
     space = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -150,7 +150,7 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
 
 
 def _extend(rates: FloatArray) -> str:
-    """Return where the colour bar gets an arrow: below, if some rate is not positive."""
+    """Return the end of the colour bar that gets an arrow: below, if some rate is not positive."""
     return "min" if np.nanmin(rates) <= 0 else "neither"
 
 
@@ -170,7 +170,7 @@ def _draw_rates(
     pair: tuple[int, int],
     limits: tuple[float, float],
 ) -> AxesImage:
-    """Draw rates on a grid (y, x); what is not positive in a colour of its own, with a line around it."""
+    """Draw rates on a grid (y, x); those that are not positive have a colour of their own, and a border."""
     i, j = pair
     low, high = portrait.scale.factor * portrait.low, portrait.scale.factor * portrait.high
     colours = COLOURS.with_extremes(under=style.GROWING, bad="white")
@@ -243,7 +243,7 @@ def _height(portrait: Portrait) -> float:
 
 
 def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
-    """Return the entries of the legend: what these figures show, and nothing else."""
+    """Return the entries of the legend, of only what these figures show."""
     wanted = ["motion of the skill"]
     if any(bounds.rate is not None for _, bounds in proofs):
         wanted.append("proved: no motion is slower")

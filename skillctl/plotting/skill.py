@@ -32,7 +32,7 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
 
     Args:
         portrait: The skill.
-        about: What kind of skill it is, for the title.
+        about: The kind of skill, for the title.
     """
     with style.drawing():
         figure = {2: _plane, 3: _space}.get(portrait.skill.dimension, _courses)(portrait)
@@ -45,8 +45,8 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
     """Return the figure of a skill beside its parents, all on the same axes.
 
     Args:
-        parents: Each with what it is to the child, such as ``weight 0.5``.
-        child: With what it is.
+        parents: The parents, each with its role, such as ``weight 0.5``.
+        child: The child with its kind, such as ``merged``.
     """
     members = [*parents, child]
     low, high = joint_box([portrait for portrait, _ in members])
@@ -58,7 +58,7 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
         size = max(PANEL * across, 4.5), sum(heights) + 1.1
         figure = Figure(size, layout="compressed")
         grid = figure.subplots(len(heights), across, squeeze=False, height_ratios=heights)
-        # Several panels stand in a column under each other; single ones in rows.
+        # A member with several panels has a column of the grid; members with one panel fill its rows.
         panels = np.array(style.first(grid.T if len(draws) > 1 else grid, len(members) * len(draws)))
         for column, portrait, (_, role) in zip(panels.reshape(len(members), -1), boxed, members, strict=True):
             for axes, draw in zip(column, draws, strict=True):
@@ -84,7 +84,7 @@ def _heights(span: FloatArray, panels: int, rows: int) -> list[float]:
 
 
 def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
-    """Return the entries of the legend: what these portraits show, and nothing else."""
+    """Return the entries of the legend, of only what these portraits show."""
     dimension = portraits[0].skill.dimension
     wanted = ["motion of the skill"]
     if any(portrait.demonstrations for portrait in portraits):
@@ -153,7 +153,7 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
         axis.set_label_text(label(portrait, i), fontsize=8)
         axis.labelpad = -6
         axis.pane.set_visible(False)
-    # At the upper end of its axis, because beside it the label would leave the figure.
+    # The label is at the upper end of the axis, because beside it it would leave the figure.
     axes.zaxis.set_label_text("")
     top = high[2] + 0.05 * (high[2] - low[2])
     axes.text(high[0], high[1], top, label(portrait, 2), fontsize=8, ha="center")

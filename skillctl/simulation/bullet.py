@@ -59,8 +59,8 @@ class World:
 def silenced(descriptor: int, into: int | None = None) -> Iterator[None]:
     """Discard all that is written to a file descriptor (1 or 2) within the block, by C code, too.
 
-    With ``into``, write it to that descriptor instead. Replacing ``sys.stdout`` would not affect C code. C has
-    a buffer of its own, which is flushed before the descriptor is restored, or its text would appear later.
+    With ``into``, write it to that descriptor instead. Replacing ``sys.stdout`` would not affect C code. C
+    has its own buffer, which is flushed before the descriptor is restored, or its text would appear later.
     """
     _flush()
     try:

@@ -57,7 +57,7 @@ class Camera:
         self.eye = np.array([*middle, distance]) @ self._axes
 
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the places of points (n, 3) in the picture, (n, 2), and their distances along the view, (n,), [m].
+        """Return the places (n, 2) of points (n, 3) in the picture, and their depths (n,), [m].
 
         A place goes from 0 to 1 from left to right, and from top to bottom.
         """

@@ -32,7 +32,7 @@ TRAIL, PLAN, TARGET = (
     (196, 16, 104),
     (84, 96, 112),
     (0, 122, 80),
-)  # these contrast with white, blue and orange arms
+)  # unlike all arms
 SUCCESS, FAILURE, REFUSAL = (24, 92, 180), (206, 44, 32), (190, 40, 30)
 PARTS: tuple[Colour, ...] = (
     (0, 114, 178),
@@ -130,9 +130,7 @@ class Scenery(Stage):
         for row in rows:
             self._show_row(row)
             extents.append(self.arm_extent())
-        points = np.vstack(
-            [series.hand, episode.setup.plan.positions, series.targets, self.corners, *extents]
-        )
+        points = np.vstack([series.hand, setup.plan.positions, series.targets, self.corners, *extents])
         towards = _direction(setup.placement.plane, setup.base_yaw)
         if scenario.scene is not None:
             towards = np.array(SCENE_DIRECTION)

@@ -19,7 +19,7 @@ from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
 
-if TYPE_CHECKING:  # both bring the learner along, which most pictures can do without
+if TYPE_CHECKING:  # both import the learner, which most pictures do not need
     from skillctl.evaluate.left_out import LeftOut
     from skillctl.usecases.verify_stability import VerifyReport
 
@@ -33,7 +33,7 @@ class Picture:
 
 
 def picture_skill(name: str, artifact: Artifact, path: Path) -> None:
-    """Draw what is in a skill: field, demonstrations, motions, density, regions.
+    """Draw a skill: field, demonstrations, motions, density, regions.
 
     Args:
         name: For the title.
@@ -71,7 +71,7 @@ def picture_family(
 
 
 def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path: Path) -> None:
-    """Draw how a learned skill repeats its demonstrations, and skills learned without one of them.
+    """Draw a learned skill beside its demonstrations, and skills learned without one of them.
 
     Args:
         name: Of the skill.
@@ -86,7 +86,7 @@ def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path
 
 
 def picture_proofs(report: VerifyReport, path: Path) -> None:
-    """Draw where and how fast V shrinks, for every skill that could be read; nothing if none could.
+    """Draw where and how fast V shrinks, for every skill that could be read, if there is one.
 
     Raises:
         UsageError: More skills than fit into one figure, or see ``picture_skill``.
@@ -103,14 +103,14 @@ def picture_proofs(report: VerifyReport, path: Path) -> None:
 
 
 def reopened(path: Path, digest: str | None) -> Artifact:
-    """Return the artifact at a path that a report speaks of.
+    """Return the artifact at a path of a report.
 
     Raises:
-        StoreError: It is not the same any more.
+        StoreError: It is not the same as when it was reported.
     """
     artifact = read_skill(path)
     if artifact.digest != digest:
-        raise StoreError(f"{path}: changed while it was being drawn.", hint="Give the command again.")
+        raise StoreError(f"{path}: changed while it was being drawn.", hint="Run the command again.")
     return artifact
 
 
@@ -120,7 +120,7 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
     Args:
         name: For the titles.
         artifact: The skill with its demonstrations.
-        certificate: What is proved of it.
+        certificate: Its certificate.
     """
     skill, portrait = artifact.skill, _portrait(name, artifact)
     figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
@@ -131,7 +131,7 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
 
 
 def kind_of(skill: Skill) -> str:
-    """Return what kind of skill it is, in words."""
+    """Return the kind of a skill, in words."""
     if skill.kind == "combined":
         ends = "one target" if len(skill.attractors) == 1 else f"{len(skill.parts)} targets"
         return f"combined, {skill.gate}, {ends}"
@@ -141,7 +141,7 @@ def kind_of(skill: Skill) -> str:
 
 
 def bounds_of(certificate: Certificate) -> Bounds:
-    """Return what a figure shows of a certificate."""
+    """Return the parts of a certificate that a figure shows."""
     everywhere = certificate.scope == "global"
     words = certificate.verdict + (" (local proof)" if certificate.scope == "local" else "")
     if everywhere and certificate.rate is not None:
@@ -163,7 +163,7 @@ def _portrait(name: str, artifact: Artifact) -> Portrait:
 
 
 def _fit_figure(name: str, artifact: Artifact, left_out: Sequence[LeftOut]) -> Drawing:
-    """Return the figure of a fit; motions of skills learned without a demonstration start where it starts."""
+    """Return the figure of a fit; the motion of a skill left one demonstration out starts where that does."""
     portrait = _portrait(name, artifact)
     goal = portrait.goals[0]
     held = [
