@@ -1,4 +1,4 @@
-"""``skillctl simulate --episodes``: its options' rules, and its report for people."""
+"""``skillctl simulate --episodes``: the rules of its options, and its report for people."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillctl.options import changed
 if TYPE_CHECKING:
     from skillctl.usecases.simulate_many import SimulateManyReport
 
-SHOWN_FAILURES = 5
+SHOWN_FAILURES, SHOWN_NUMBERS = 5, 8
 MEDIANS = {  # figure → heading, unit
     "final_error": ("final error", "m"),
     "time_to_target": ("time to target", "s"),
@@ -28,7 +28,7 @@ MEDIANS = {  # figure → heading, unit
 
 
 def refuse_for_many(watching: Any) -> None:
-    """Raise UsageError if something is given that is about one episode."""
+    """Raise UsageError if an option of one episode is given."""
     for option in changed(watching):
         raise UsageError(
             f"--{option.key} is about one episode; many were asked for.",
@@ -37,10 +37,10 @@ def refuse_for_many(watching: Any) -> None:
 
 
 def refuse_for_one(*options: Any) -> None:
-    """Raise UsageError if something is given that is about many episodes."""
+    """Raise UsageError if an option of many episodes is given."""
     for option in chain.from_iterable(map(changed, options)):
         raise UsageError(
-            f"--{option.key} is about many episodes; one was asked for.", hint="Say how many: --episodes 50."
+            f"--{option.key} is about many episodes; one was asked for.", hint="Give a number: --episodes 50."
         )
 
 
@@ -58,7 +58,8 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
         ("enough", f"{words.yes_no(report.enough)}, {report.min_success:.0%} was asked for"),
         ("simulated", f"{report.simulated_seconds:.0f} s in {report.wall_seconds:.0f} s, seed {report.seed}"),
     ]
-    facts += [(name, str(path)) for name, path in _files(report) if path]
+    files = (("table", report.table), ("overview", report.overview))
+    facts += [(name, str(path)) for name, path in files if path]
     found: list[render.Block] = [render.Facts(tuple(facts))]
     if report.failures:
         found += _failures(report)
@@ -74,23 +75,16 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
     return found
 
 
-def _files(report: SimulateManyReport) -> tuple[tuple[str, object], ...]:
-    return ("table", report.table), ("overview", report.overview)
-
-
 def _failures(report: SimulateManyReport) -> list[render.Block]:
     rows = []
     for kind, count in report.failures.items():
         which = [str(failed.episode) for failed in report.failed if failed.outcome == kind]
-        rows.append((kind, str(count), _listed(which)))
-    said = [f"episode {failed.episode}: {failed.detail}" for failed in report.failed if failed.detail]
-    more = len(said) - SHOWN_FAILURES
-    sentences = said[:SHOWN_FAILURES] + ([f"and {more} more"] if more > 0 else [])
+        listed = [*which[:SHOWN_NUMBERS], *(["…"] if len(which) > SHOWN_NUMBERS else [])]
+        rows.append((kind, str(count), ", ".join(listed)))
+    causes = [f"episode {failed.episode}: {failed.detail}" for failed in report.failed if failed.detail]
+    more = len(causes) - SHOWN_FAILURES
+    sentences = causes[:SHOWN_FAILURES] + ([f"and {more} more"] if more > 0 else [])
     return [
         render.Table(("failure", "episodes", "which"), tuple(rows)),
         render.Lines("what happened", tuple(sentences)),
     ]
-
-
-def _listed(which: list[str]) -> str:
-    return ", ".join(which[:8]) + (", …" if len(which) > 8 else "")

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def blocks(report: CheckReachReport) -> list[render.Block]:
-    """Return the report for people: what is None was not looked at, because what comes before it failed."""
+    """Return the report for people. Values are None, and left out, if an earlier check failed."""
     found = report.reachability
     facts = [("skill", report.skill), ("reachable", words.yes_no(found.reachable))]
     if found.reason:

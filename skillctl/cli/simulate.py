@@ -37,14 +37,12 @@ Exit codes: 0 the hand reached the target, or lifted the cup, in at least --min-
 
 @dataclass(frozen=True)
 class Watching:
-    """How one episode is looked at."""
+    """Options of one episode."""
 
     demo: int | None = option(
-        metavar="N",
-        group=MOTION,
-        help="Start where the skill's demonstration N starts, counted from 0.",
+        metavar="N", group=MOTION, help="Start where demonstration N of the skill starts, from 0."
     )
-    gui: bool = option(False, group=RESULT, help="Show it in a window, in real time.")
+    gui: bool = option(False, group=RESULT, help="Show the motion in a window, in real time.")
     log: Path | None = option(metavar="F.csv|F.h5", group=RESULT, help="Write the time series.")
     picture: Path | None = option(metavar="F.png", group=RESULT, help="Write a contact sheet.")
     video: Path | None = option(
@@ -56,7 +54,7 @@ class Watching:
 
 @dataclass(frozen=True)
 class Counting:
-    """What is made of many episodes."""
+    """Options of many episodes."""
 
     min_success: float = option(
         1.0, metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0."
@@ -77,7 +75,7 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="F.toml",
-            help="Everything that follows, in a file; what is typed here comes on top of it.",
+            help="File with all of the following; options given here replace its values.",
             rich_help_panel=SCENE,
         ),
     ] = None,
@@ -85,7 +83,7 @@ def simulate(
         bool,
         typer.Option(
             "--print-scenario",
-            help="Only write what would be run, as such a file. Needs no SKILL.",
+            help="Only print the scenario as such a file. This needs no SKILL.",
             rich_help_panel=SCENE,
         ),
     ] = False,
@@ -95,7 +93,7 @@ def simulate(
         bool,
         typer.Option(
             "--check",
-            help="Only say whether start, path and target can be reached; nothing moves.",
+            help="Only check whether start, path and target can be reached; nothing moves.",
             rich_help_panel=MOTION,
         ),
     ] = False,
@@ -104,7 +102,7 @@ def simulate(
         int | None,
         typer.Option(
             metavar="I",
-            help="Run only episode I, from 0, to look at it: it is the one of the batch.",
+            help="Run only episode I of the batch, from 0, for a closer look.",
             rich_help_panel=BATCH,
         ),
     ] = None,
@@ -112,7 +110,7 @@ def simulate(
     work: options.Work,
     place: options.LockedPlace,
 ) -> None:
-    """Run a skill on a simulated arm and say whether, and how well, its hand reached the target.
+    """Run a skill on a simulated arm, and report whether and how well its hand reached the target.
 
     The same command gives the same motion, bit for bit, on the same machine.
     """
@@ -125,15 +123,15 @@ def simulate(
         output.verbatim(to_toml(chosen))
         return
     if skill is None:
-        raise UsageError("SKILL: is missing: say which skill shall be run.")
+        raise UsageError("SKILL: is missing; name the skill to run.")
     if check:
         from skillctl.usecases.check_reach import check_reach
 
-        told = check_reach(
+        checked = check_reach(
             skill, chosen, demo=watching.demo, episode=episode, store=place.store, lock=place.lock
         )
-        output.result(told, lambda: reach.blocks(told))
-        done = told.reachability.reachable
+        output.result(checked, lambda: reach.blocks(checked))
+        done = checked.reachability.reachable
     elif episode is None and (chosen.episodes > 1 or changes.episodes is not None):
         many.refuse_for_many(watching)
         done = _run_many(output, skill, chosen, counting, work, place)
@@ -151,7 +149,7 @@ def _run_many(
     work: options.Work,
     place: options.LockedPlace,
 ) -> bool:
-    """Run a batch, tell about it, and return whether enough episodes succeeded."""
+    """Run a batch, print its report, and return whether enough episodes succeeded."""
     from skillctl.usecases.simulate_many import simulate_many
 
     with output.progress("simulating") as progress:
@@ -180,7 +178,7 @@ def _run_one(
     watching: Watching,
     place: options.LockedPlace,
 ) -> bool:
-    """Run one episode, tell about it, and return whether it succeeded."""
+    """Run one episode, print its report, and return whether it succeeded."""
     from skillctl.usecases.simulate import simulate as simulate_skill
 
     with output.progress("simulating") as progress:
@@ -231,7 +229,7 @@ def blocks(report: SimulateReport) -> list[render.Block]:
 
 
 def _tracking(report: SimulateReport) -> str:
-    """Return how near the hand was to its reference; a hand that yields has none."""
+    """Return the distance of the hand to its reference, which a hand that yields does not have."""
     figures = report.metrics
     if report.scenario["control"] == "torque":
         return words.NONE
@@ -240,7 +238,7 @@ def _tracking(report: SimulateReport) -> str:
 
 
 def _kinematics(report: SimulateReport) -> str:
-    """Return what inverse kinematics missed; torque control needs none."""
+    """Return the error of inverse kinematics, which torque control does not need."""
     figures = report.metrics
     if report.scenario["control"] == "torque":
         return words.NONE
@@ -248,15 +246,11 @@ def _kinematics(report: SimulateReport) -> str:
 
 
 def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:
-    """Return what there is to say about scene and cup; nothing without them."""
+    """Return the facts about scene and cup, if there are any."""
     figures, facts = report.metrics, []
     if report.scenario["scene"] is not None:
-        facts.append(
-            (
-                "clearance",
-                f"{words.length(figures.clearance, 'm')} to the {report.scenario['scene']['kind']} at least",
-            )
-        )
+        clearance, kind = words.length(figures.clearance, "m"), report.scenario["scene"]["kind"]
+        facts.append(("clearance", f"{clearance} to the {kind} at least"))
         facts.append(("touched", ", ".join(figures.contacts) or "nothing"))
     if report.scenario["cup"] is not None:
         rise, moved = words.length(figures.cup_rise, "m"), words.length(figures.cup_moved, "m")

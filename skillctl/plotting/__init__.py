@@ -2,5 +2,5 @@
 
 import logging
 
-# Without a writable home Matplotlib warns about its cache, which is no news to who wants a picture.
+# Without a writable home Matplotlib warns about its cache, which does not concern the user.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,11 +14,11 @@ from skillctl.model.demonstration import Demonstration
 from skillctl.plotting import style
 from skillctl.plotting.panels import VIEWS, columns_of, latest_of
 from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
-from skillctl.plotting.skill import WIDTH, scale_of
+from skillctl.plotting.skill import WIDTH
 
 MOST_PROFILES = 12  # panels of speed; paths are drawn of all
 ACROSS = 4
-HEADROOM = 2.5  # of the fastest demonstration; faster motions are told in numbers, not to flatten all others
+HEADROOM = 2.5  # of the fastest demonstration; a faster motion is cut off and its peak given as a number
 
 
 def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Sequence[Motion] = ()) -> Figure:
@@ -29,7 +28,7 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
         portrait: The learned skill, with at least one demonstration.
         errors: Mean DTW distance to each of its demonstrations, in the unit of the space; None if unknown.
         left_out: For each demonstration, the motion from its start of a skill that was learned without it;
-            empty if nobody asked.
+            empty if there are none.
     """
     profiled = portrait.demonstrations[:MOST_PROFILES]
     dimension = portrait.skill.dimension
@@ -38,23 +37,22 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
     draws = columns_of(portrait, paths=True)
     tall = _height_of_paths(portrait, len(draws))
     with style.drawing():
-        scale = scale_of([portrait])
         figure = Figure((WIDTH, tall + 1.45 * rows + 1.0), layout="constrained")
         upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(tall, 1.45 * rows + 0.3)).flat
         paths = upper.subplots(math.ceil(len(draws) / 3), min(len(draws), 3), squeeze=False)
         for panel, (axes, draw) in enumerate(zip(style.first(paths, len(draws)), draws, strict=True)):
-            draw(axes, portrait, scale)
-            _draw_left_out(axes, left_out, panel, dimension, scale)
-        top = HEADROOM * scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
+            draw(axes, portrait)
+            _draw_left_out(axes, portrait, left_out, panel)
+        top = HEADROOM * portrait.scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
         profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
         profiles = style.first(profiles, len(profiled))
         for index, (axes, demonstration) in enumerate(zip(profiles, profiled, strict=True)):
             held = left_out[index] if left_out else None
-            _draw_profile(axes, demonstration, portrait.motions[index], held, scale, top)
+            _draw_profile(axes, demonstration, portrait.motions[index], held, portrait.scale, top)
             axes.set_title(
                 f"{style.named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
             )
-        _label_outer(profiles, scale, latest_of(portrait), top)
+        _label_outer(profiles, portrait, top)
         count = len(portrait.demonstrations)
         some = f", speeds of the first {len(profiled)} of {count}" if count > len(profiled) else ""
         figure.suptitle(f"{style.named(portrait.name)}: demonstrations and motions from their starts{some}")
@@ -77,7 +75,7 @@ def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:
     points += [motion.positions for motion in portrait.motions]
     points += [each.positions for each in left_out]
     low, high = box_around(np.vstack(points))
-    return replace(portrait, low=low, high=high)
+    return portrait.within(low, high)
 
 
 def _height_of_paths(portrait: Portrait, panels: int) -> float:
@@ -88,12 +86,12 @@ def _height_of_paths(portrait: Portrait, panels: int) -> float:
     return 2.7 if len(span) == 3 else 1.9 * math.ceil(panels / 3)
 
 
-def _draw_left_out(axes: Axes, left_out: Sequence[Motion], panel: int, dimension: int, scale: Scale) -> None:
+def _draw_left_out(axes: Axes, portrait: Portrait, left_out: Sequence[Motion], panel: int) -> None:
     for each in left_out:
-        if dimension in (2, 3):
-            axes.plot(*scale.coordinates(each.positions, VIEWS[panel]), **style.HELD)
+        if portrait.skill.dimension in (2, 3):
+            axes.plot(*portrait.coordinates(each.positions, VIEWS[panel]), **style.HELD)
         else:
-            axes.plot(each.times, *scale.coordinates(each.positions, [panel]), **style.HELD)
+            axes.plot(each.times, *portrait.coordinates(each.positions, [panel]), **style.HELD)
 
 
 def _draw_profile(
@@ -117,21 +115,21 @@ def _draw_profile(
 def _speeds(demonstration: Demonstration) -> FloatArray:
     """Return the speeds along a demonstration, per second; shape (T − 2,).
 
-    Its last sample closes the gap that trimming left before the point of rest, which is no motion that was
-    shown: neither it nor the difference across it has a speed.
+    Its last sample closes the gap that trimming left before the point of rest, which was not
+    demonstrated: neither that sample nor the difference across it has a speed.
     """
     return np.asarray(
         np.linalg.norm(demonstration.velocities[: max(len(demonstration.times) - 2, 1)], axis=1)
     )
 
 
-def _label_outer(axes: Sequence[Axes], scale: Scale, latest: float, top: float) -> None:
+def _label_outer(axes: Sequence[Axes], portrait: Portrait, top: float) -> None:
     for index, each in enumerate(axes):
         if index + ACROSS >= len(axes):
             each.set_xlabel("time [s]")
             each.tick_params(labelbottom=True)
         if index % ACROSS == 0:
-            each.set_ylabel(f"speed [{scale.unit}/s]")
+            each.set_ylabel(f"speed [{portrait.scale.unit}/s]")
     style.tidy(axes)
-    axes[0].set_xlim(0, latest)
+    axes[0].set_xlim(0, latest_of(portrait))
     axes[0].set_ylim(0, min(top, axes[0].get_ylim()[1]))

@@ -1,4 +1,4 @@
-"""The velocity field in the plane: streamlines, few enough paths for a small file."""
+"""The velocity field in the plane: streamlines, of few paths for a small file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from matplotlib.path import Path
 
 from skillctl.arrays import FloatArray
 from skillctl.model.skill import Skill
-from skillctl.plotting.portrait import Scale
+from skillctl.plotting.portrait import Portrait
 from skillctl.plotting.style import FLOW
 
 GRID = 90  # points a side at which the field is evaluated
-FASTEST = 0.95  # quantile of the speeds on the grid from which on a streamline is at its widest
+FASTEST = 0.95  # quantile of the speeds on the grid at which a streamline is widest
 DENSITY, DENSITY_OF_SMALL = 1.15, 0.7  # of the streamlines, in Matplotlib's measure
 SMALL = 3.0  # [inch], width of axes that have room for fewer
 WIDTHS = (0.3, 0.5, 0.8, 1.15, 1.6)  # from the slowest fifth of the speeds to the fastest [points]
@@ -26,25 +26,31 @@ def grid(low: FloatArray, high: FloatArray, points: int = GRID) -> tuple[FloatAr
     return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def widest_speed(skill: Skill, low: FloatArray, high: FloatArray) -> float:
-    """Return the speed that the widest streamlines stand for, in the unit of the space per second."""
-    *_, places = grid(low, high)
-    speeds = np.linalg.norm(_velocities(skill, places), axis=1)
+def drawn_grid(portrait: Portrait, points: int = GRID) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ``grid`` over the box of a 2-D skill, x and y in the unit in which it is drawn."""
+    x, y, places = grid(portrait.low, portrait.high, points)
+    return portrait.scale.factor * x, portrait.scale.factor * y, places
+
+
+def widest_speed(portrait: Portrait) -> float:
+    """Return the speed of the widest streamlines, in the unit of the space per second."""
+    *_, places = drawn_grid(portrait)
+    speeds = np.linalg.norm(_velocities(portrait.skill, places), axis=1)
     return float(np.quantile(speeds, FASTEST)) or 1.0
 
 
-def draw_flow(axes: Axes, skill: Skill, low: FloatArray, high: FloatArray, scale: Scale) -> None:
+def draw_flow(axes: Axes, portrait: Portrait) -> None:
     """Draw streamlines, the wider the faster.
 
-    Of a combined skill the field is that of the part that a start there selects.
+    The field of a combined skill at a place is that of the part that a start there selects.
     """
-    x, y, places = grid(low, high)
-    velocities = _velocities(skill, places)
-    shares = np.minimum(np.linalg.norm(velocities, axis=1) / widest_speed(skill, low, high), 1.0)
-    u, v = (velocities.T * scale.factor).reshape(2, len(y), len(x))
+    x, y, places = drawn_grid(portrait)
+    velocities = _velocities(portrait.skill, places)
+    shares = np.minimum(np.linalg.norm(velocities, axis=1) / widest_speed(portrait), 1.0)
+    u, v = portrait.coordinates(velocities, (0, 1)).reshape(2, len(y), len(x))
     stream = axes.streamplot(
-        scale.factor * x,
-        scale.factor * y,
+        x,
+        y,
         u,
         v,
         linewidth=shares.reshape(len(y), len(x)),

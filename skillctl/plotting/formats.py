@@ -1,4 +1,4 @@
-"""Which pictures can be written. This is checked before any work is done, hence without Matplotlib."""
+"""Checks, before any work is done and without Matplotlib, that a picture can be written."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ FORMATS = ("png", "svg", "pdf")
 MOST_PROOFS = 12  # certificates in one figure
 
 
-def require_picture(path: Path) -> None:
-    """Raise UsageError or StoreError unless a picture can be written there."""
-    require_format(path)
+def require_picture(path: Path) -> str:
+    """Return the format of a picture, or raise UsageError or StoreError if it cannot be written there."""
+    form = require_format(path)
     require_directory(path)
+    return form
 
 
 def require_format(path: Path) -> str:
@@ -26,7 +27,7 @@ def require_format(path: Path) -> str:
     if form not in FORMATS:
         listed = ", ".join(f".{name}" for name in FORMATS)
         raise UsageError(
-            f"{printable(str(path))}: the suffix of a picture says its format; expected one of {listed}.",
+            f"{printable(str(path))}: the suffix of a picture decides its format; expected one of {listed}.",
             hint=f"For example: --plot {printable(path.stem or 'skill')}.png",
         )
     return form

@@ -1,4 +1,4 @@
-"""The panels of figures: a skill in its plane, seen from one side, or coordinate by coordinate."""
+"""The panels of figures: a skill in its plane, from one side, or one coordinate over time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from matplotlib.patches import Ellipse
 from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
 from skillctl.plotting import style
-from skillctl.plotting.flow import draw_flow, grid
-from skillctl.plotting.portrait import Portrait, Scale
+from skillctl.plotting.flow import draw_flow, drawn_grid
+from skillctl.plotting.portrait import Portrait
 
 DEVIATIONS = 2.0  # standard deviations an ellipse reaches
 REGION_GRID = 220  # points a side; borders between regions are drawn as smooth as that
@@ -20,32 +20,32 @@ LEVELS = 6  # contours of V between the attractor and the farthest corner
 
 VIEWS = ((0, 1), (0, 2), (1, 2))  # of space: from above, from the side, from the front
 
-Draw = Callable[[Axes, Portrait, Scale], None]
+Draw = Callable[[Axes, Portrait], None]
 
 
-def label(portrait: Portrait, axis: int, scale: Scale) -> str:
+def label(portrait: Portrait, axis: int) -> str:
     """Return the label of a coordinate, with its unit."""
-    return f"{style.named(portrait.skill.space.names[axis])} [{scale.unit}]"
+    return f"{style.named(portrait.skill.space.names[axis])} [{portrait.scale.unit}]"
 
 
-def draw_plane(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+def draw_plane(axes: Axes, portrait: Portrait) -> None:
     """Draw a 2-D skill: regions, V, field, density, demonstrations, motions, attractors."""
-    frame(axes, portrait, (0, 1), scale)
-    draw_regions(axes, portrait, scale)
-    draw_levels(axes, portrait, scale)
-    draw_flow(axes, portrait.skill, portrait.low, portrait.high, scale)
-    draw_densities(axes, portrait, (0, 1), scale)
-    draw_paths(axes, portrait, (0, 1), scale)
+    frame(axes, portrait, (0, 1))
+    draw_regions(axes, portrait)
+    draw_levels(axes, portrait)
+    draw_flow(axes, portrait)
+    draw_densities(axes, portrait, (0, 1))
+    draw_paths(axes, portrait, (0, 1))
 
 
 def side(i: int, j: int, *, density: bool = True) -> Draw:
     """Return the function that draws a skill seen so that i points right and j up."""
 
-    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-        frame(axes, portrait, (i, j), scale)
+    def draw(axes: Axes, portrait: Portrait) -> None:
+        frame(axes, portrait, (i, j))
         if density:
-            draw_densities(axes, portrait, (i, j), scale)
-        draw_paths(axes, portrait, (i, j), scale)
+            draw_densities(axes, portrait, (i, j))
+        draw_paths(axes, portrait, (i, j))
 
     return draw
 
@@ -53,31 +53,31 @@ def side(i: int, j: int, *, density: bool = True) -> Draw:
 def course(i: int) -> Draw:
     """Return the function that draws coordinate i against time."""
 
-    def draw(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+    def draw(axes: Axes, portrait: Portrait) -> None:
         for demonstration in portrait.demonstrations:
             times = demonstration.times - demonstration.times[0]
-            axes.plot(times, scale.factor * demonstration.positions[:, i], **style.DEMONSTRATED)
+            axes.plot(times, *portrait.coordinates(demonstration.positions, [i]), **style.DEMONSTRATED)
         for motion in portrait.motions:
-            axes.plot(motion.times, scale.factor * motion.positions[:, i], **style.MOVED)
+            axes.plot(motion.times, *portrait.coordinates(motion.positions, [i]), **style.MOVED)
         for goal in portrait.goals:
-            axes.axhline(scale.factor * goal[i], color=style.INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
-        axes.set(xlabel="time [s]", ylabel=label(portrait, i, scale))
+            axes.axhline(portrait.scale.factor * goal[i], color=style.INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
+        axes.set(xlabel="time [s]", ylabel=label(portrait, i))
         axes.set_xlim(0, latest_of(portrait))
 
     return draw
 
 
-def draw_line_field(axes: Axes, portrait: Portrait, scale: Scale) -> None:
+def draw_line_field(axes: Axes, portrait: Portrait) -> None:
     """Draw a 1-D skill: its velocity over its coordinate, with that of the demonstrations."""
     x = np.linspace(portrait.low[0], portrait.high[0], 400)
     field = portrait.skill.velocity(x[:, None])[:, 0]
     for demonstration in portrait.demonstrations:
         phases = np.hstack([demonstration.positions, demonstration.velocities])
-        axes.plot(*scale.coordinates(phases, (0, 1)), **style.DEMONSTRATED)
-    axes.plot(scale.factor * x, scale.factor * field, **style.MOVED)
+        axes.plot(*portrait.coordinates(phases, (0, 1)), **style.DEMONSTRATED)
+    axes.plot(*portrait.coordinates(np.stack([x, field], axis=1), (0, 1)), **style.MOVED)
     axes.axhline(0, color=style.QUIET, lw=0.7, zorder=1)
-    axes.plot(scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **style.GOAL)
-    axes.set(xlabel=label(portrait, 0, scale), ylabel=f"velocity [{scale.unit}/s]")
+    axes.plot(portrait.scale.factor * portrait.goals[:, 0], np.zeros(len(portrait.goals)), **style.GOAL)
+    axes.set(xlabel=label(portrait, 0), ylabel=f"velocity [{portrait.scale.unit}/s]")
 
 
 def columns_of(portrait: Portrait, *, paths: bool = False) -> tuple[Draw, ...]:
@@ -95,21 +95,21 @@ def columns_of(portrait: Portrait, *, paths: bool = False) -> tuple[Draw, ...]:
     return tuple(course(i) for i in range(dimension))
 
 
-def frame(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
+def frame(axes: Axes, portrait: Portrait, pair: tuple[int, int]) -> None:
     """Set limits, labels and equal aspect for two coordinates."""
     i, j = pair
-    low, high = scale.factor * portrait.low, scale.factor * portrait.high
-    axes.set(xlabel=label(portrait, i, scale), ylabel=label(portrait, j, scale))
+    low, high = portrait.scale.factor * portrait.low, portrait.scale.factor * portrait.high
+    axes.set(xlabel=label(portrait, i), ylabel=label(portrait, j))
     axes.set_aspect("equal")
     axes.set_xlim(low[i], high[i])
     axes.set_ylim(low[j], high[j])
 
 
-def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int], scale: Scale) -> None:
+def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int]) -> None:
     """Draw demonstrations, motions, starts and attractors in the coordinates picked: two, or three in 3-D."""
 
     def draw(positions: FloatArray, line: style.Line) -> None:
-        axes.plot(*scale.coordinates(positions, picked), **line)
+        axes.plot(*portrait.coordinates(positions, picked), **line)
 
     for demonstration in portrait.demonstrations:
         draw(demonstration.positions, style.DEMONSTRATED)
@@ -131,9 +131,9 @@ def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
         yield style.part_colour(index), starts[selected == index]
 
 
-def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale: Scale) -> None:
+def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int]) -> None:
     """Draw the ellipses of the position densities, seen in two coordinates."""
-    several = len(portrait.skill.acting_parts) > 1
+    several, factor = len(portrait.skill.acting_parts) > 1, portrait.scale.factor
     for index, part in enumerate(portrait.skill.acting_parts):
         colour = style.part_colour(index) if several else style.DENSITY
         # Parts made from one skill have ellipses in common; dashes leave the one below in sight.
@@ -141,9 +141,9 @@ def draw_densities(axes: Axes, portrait: Portrait, pair: tuple[int, int], scale:
         for centre, width, height, angle in ellipses(part.density, pair):
             axes.add_patch(
                 Ellipse(
-                    tuple((scale.factor * centre).tolist()),
-                    scale.factor * width,
-                    scale.factor * height,
+                    tuple((factor * centre).tolist()),
+                    factor * width,
+                    factor * height,
                     angle=angle,
                     facecolor=style.to_tint(colour, 0.08 if several else 0.13),
                     edgecolor=colour,
@@ -169,9 +169,9 @@ def ellipses(
         yield mean[list(pair)], float(width), float(height), angle
 
 
-def draw_regions(axes: Axes, portrait: Portrait, scale: Scale, *, tint: float = 0.22) -> None:
+def draw_regions(axes: Axes, portrait: Portrait, *, tint: float = 0.22) -> None:
     """Draw the borders between the regions of a combined 2-D skill, and tint those unless ``tint`` is 0."""
-    for index, (x, y, lead) in enumerate(_leads(portrait, scale)):
+    for index, (x, y, lead) in enumerate(_leads(portrait)):
         if tint > 0:
             colour = style.to_tint(style.part_colour(index), tint)
             axes.contourf(x, y, lead, levels=[0, 1e6], colors=[colour], zorder=0.2)
@@ -179,23 +179,23 @@ def draw_regions(axes: Axes, portrait: Portrait, scale: Scale, *, tint: float = 
             axes.contour(x, y, lead, levels=[0], colors=[style.INK], linewidths=0.6, zorder=1.5)
 
 
-def _leads(portrait: Portrait, scale: Scale) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+def _leads(portrait: Portrait) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield per part a grid and its lead over the other parts there; it acts where that is positive."""
     skill = portrait.skill
     if len(skill.acting_parts) == 1:
         return
-    x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
+    x, y, places = drawn_grid(portrait, REGION_GRID)
     with np.errstate(divide="ignore"):  # a weight may vanish
         scores = np.log(skill.part_weights_at(places))
     for index in range(len(skill.acting_parts)):
         others = np.delete(scores, index, axis=1)
         lead = np.clip(scores[:, index] - others.max(axis=1, initial=-np.inf), -1e3, 1e3)
-        yield scale.factor * x, scale.factor * y, lead.reshape(len(y), len(x))
+        yield x, y, lead.reshape(len(y), len(x))
 
 
-def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
-    """Draw levels of V at equal steps of distance; each part's own where it acts."""
-    x, y, places = grid(portrait.low, portrait.high, REGION_GRID)
+def draw_levels(axes: Axes, portrait: Portrait) -> None:
+    """Draw levels of V at equal steps of distance, those of each part where it acts."""
+    x, y, places = drawn_grid(portrait, REGION_GRID)
     acting, parts = portrait.skill.part_at(places), portrait.skill.acting_parts
     shared = all(part.form == parts[0].form for part in parts) and len(portrait.goals) == 1
     for index, part in enumerate(parts[: 1 if shared else None]):
@@ -205,20 +205,12 @@ def draw_levels(axes: Axes, portrait: Portrait, scale: Scale) -> None:
         if np.isfinite(distances).any():
             levels = np.linspace(0, float(np.nanmax(distances)), LEVELS + 1)[1:-1]
             field = np.ma.masked_invalid(distances).reshape(len(y), len(x))
-            axes.contour(
-                scale.factor * x,
-                scale.factor * y,
-                field,
-                levels=levels,
-                colors=[style.QUIET],
-                linewidths=0.8,
-                linestyles=":",
-                zorder=1.2,
-            )
+            look: style.Line = {"colors": [style.QUIET], "linewidths": 0.8, "linestyles": ":", "zorder": 1.2}
+            axes.contour(x, y, field, levels=levels, **look)
 
 
 def latest_of(portrait: Portrait) -> float:
-    """Return the time up to which motions are worth showing, [s]: the last samples only creep."""
+    """Return the time up to which motions are worth showing, [s]: the end of a rollout is slow."""
     ends = [d.duration for d in portrait.demonstrations]
     arrivals = [float(motion.times[-1]) for motion in portrait.motions]
     return min(2 * max(ends), max([*ends, *arrivals])) if ends else max(arrivals)

@@ -1,9 +1,9 @@
-"""What a figure shows of a skill: demonstrations, motions from their starts, and the box around them."""
+"""The contents of a figure: a skill, its demonstrations, motions from their starts, and a box around them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,13 +15,13 @@ from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 
 STEPS = 1000  # of a motion as long as the longest demonstration
-PATIENCE = 10  # durations of the longest demonstration, after which a motion is drawn as it stands
+PATIENCE = 10  # durations of the longest demonstration, after which a motion is cut off
 MOST_STEPS = 20_000  # bounds the cost to a second or two
-LOST = 1.5  # a motion this many boxes away from the middle has left the picture
+LOST = 1.5  # boxes from the middle; farther positions of a motion are outside the picture
 MARGIN = 0.1  # of the box around everything, left free on each side
 SLIMMEST = 0.55  # shortest side of the box, as a share of the longest
-POINTS = 300  # drawn of one motion; more cannot be seen
-CENTIMETRES = 0.3  # extents below this many metres are told in millimetres
+POINTS = 300  # drawn of one motion; more would not be visible
+CENTIMETRES = 0.3  # smaller extents are given in millimetres
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """The unit in which a figure gives lengths: metres, millimetres or radians."""
+    """The unit in which a figure gives lengths, and how many of them are one unit of the space."""
 
     factor: float
     unit: str
@@ -52,10 +52,6 @@ class Scale:
         """Return the scale for things of an extent in the unit of the space."""
         return cls(1e3, "mm") if space.unit == "m" and extent < CENTIMETRES else cls(1.0, space.unit)
 
-    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
-        """Return the picked coordinates of positions (…, d) in this unit. Shape (number picked, …)."""
-        return np.asarray(self.factor * positions[..., picked].T)
-
 
 @dataclass(frozen=True, eq=False)
 class Portrait:
@@ -64,7 +60,7 @@ class Portrait:
     Attributes:
         name: For its title.
         skill: The skill.
-        demonstrations: Those that it carries.
+        demonstrations: The demonstrations that it carries.
         motions: One from the start of each; without demonstrations, one from each centre of its density.
         low, high: Corners of the box around all of them and the attractors, with a margin. Shape (d,).
     """
@@ -80,6 +76,19 @@ class Portrait:
     def goals(self) -> FloatArray:
         """Where motions end. Shape (n, d)."""
         return self.skill.attractors
+
+    @property
+    def scale(self) -> Scale:
+        """The unit in which its figures give lengths, which the size of its box decides."""
+        return Scale.of(self.skill.space, float((self.high - self.low).max()))
+
+    def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
+        """Return the picked coordinates of positions (…, d) in that unit. Shape (number picked, …)."""
+        return np.asarray(self.scale.factor * positions[..., picked].T)
+
+    def within(self, low: FloatArray, high: FloatArray) -> Portrait:
+        """Return the same portrait with another box, given by its corners (d,)."""
+        return replace(self, low=low, high=high)
 
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
@@ -103,7 +112,7 @@ def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None)
     Args:
         skill: The skill.
         starts: Shape (n, d).
-        longest: Duration of the longest demonstration, [s]; None takes the skill's own pace.
+        longest: Duration of the longest demonstration, [s]; None: by the skill's own speed.
     """
     period = _period(skill) if longest is None else min(longest / STEPS, _period(skill))
     duration = min(PATIENCE * (longest or STEPS * period), MOST_STEPS * period)
@@ -135,7 +144,7 @@ def box_around(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return those positions that are near enough to be in the picture."""
+    """Return the positions that are near enough to be in the picture."""
     low, high = box(inner)
     reach = LOST * max(float((high - low).max()), np.finfo(np.float64).tiny)
     near = (np.abs(positions - 0.5 * (low + high)) < reach).all(axis=1)
@@ -143,7 +152,7 @@ def _inside(positions: FloatArray, inner: FloatArray) -> FloatArray:
 
 
 def _period(skill: Skill) -> float:
-    """Return a step that resolves the fastest component, and at which proved ones contract."""
+    """Return a period that resolves the fastest component, and at which the proved ones contract."""
     steps = []
     for part in skill.acting_parts:
         matrices = skill.outer_speed * part.component_matrices

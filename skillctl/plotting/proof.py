@@ -1,10 +1,10 @@
-"""Figures of certificates: where and how fast V shrinks, beside what is proved of it."""
+"""Figures of certificates: where and how fast V shrinks, which is no proof, beside what is proved."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -16,27 +16,63 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
 from skillctl.arrays import FloatArray
+from skillctl.model.skill import Skill
 from skillctl.plotting import style
-from skillctl.plotting.decay import Bounds, decay, distances
 from skillctl.plotting.flow import grid
 from skillctl.plotting.panels import draw_regions, frame
-from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around, motions_from
-from skillctl.plotting.skill import WIDTH, scale_of
+from skillctl.plotting.portrait import Motion, Portrait, box_around, motions_from
+from skillctl.plotting.skill import WIDTH
 
 FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middle is one
-# Of the rates: the same for every kind of eye; without the darkest fifth, so that black lines can be seen.
+# Of the rates: readable with any colour vision; without the darkest fifth, for the sake of black lines.
 COLOURS = ListedColormap(matplotlib.colormaps["cividis"](np.linspace(0.2, 1.0, 256)))
 RATE = "decay rate −V̇ / 2V [1/s]"
-LARGEST_SHARE = 1e2  # above it they are lost
+LARGEST_SHARE = 1e2  # of it; above it motions are lost
 RANGE = 1e4  # from the largest decay rate shown in its own colour down to the smallest
 SMALLEST_SHARE = 1e-4  # of the distance at the start; below it motions have arrived
 
 
-def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
-    """Return the figure of certificates, one row a skill.
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """The parts of a certificate that a figure shows.
 
-    Each row: in two dimensions a map of the decay rate −V̇ / 2V, in three its slices through the attractor;
-    and for every dimension how √V shrinks along motions, beside what is proved.
+    Attributes:
+        verdict: The verdict, in words, for the title.
+        rate: Proved decay rate of motions from everywhere, [1/s]; None if there is none.
+        radii: Distance from each part's attractor within which motions are proved to end there, or None.
+        witness: Start (d,) of a motion that reaches no attractor, or None.
+    """
+
+    verdict: str
+    rate: float | None
+    radii: tuple[float | None, ...]
+    witness: tuple[float, ...] | None
+
+
+def decay(skill: Skill, positions: FloatArray) -> FloatArray:
+    r"""Return −V̇ / (2 V) at positions (n, d), shape (n,), [1/s]: the rate at which √V shrinks there.
+
+    V = (ξ − ξ*)ᵀ P (ξ − ξ*) with P and ξ* of the part that a start there selects. The rate is zero exactly
+    where V̇ is, negative where V grows, and NaN at the attractor.
+    """
+    rates = np.empty(len(positions))
+    acting = skill.part_at(positions)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        velocities = skill.velocity(positions)
+        for index, part in enumerate(skill.acting_parts):
+            mask = acting == index
+            offsets = positions[mask] - part.attractor
+            pulled = offsets @ part.lyapunov
+            rates[mask] = -(pulled * velocities[mask]).sum(axis=1) / (pulled * offsets).sum(axis=1)
+    rates[~np.isfinite(rates)] = np.nan
+    return rates
+
+
+def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
+    """Return the figure of certificates, one row per skill.
+
+    Each row has a map of the decay rate −V̇ / 2V in two dimensions, or its slices through the attractor in
+    three, and in every dimension √V along motions, beside the proved rate.
     """
     heights = [_height(portrait) for portrait, _ in proofs]
     with style.drawing():
@@ -71,24 +107,23 @@ def _draw_map(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | Non
     """Draw the decay rate over the plane, its zero level, its lowest point, radii and witness."""
     if lost is not None:
         low, high = box_around(np.vstack([portrait.low, portrait.high, lost.positions[:1]]))
-        portrait = replace(portrait, low=low, high=high)
-    scale = scale_of([portrait])
+        portrait = portrait.within(low, high)
     x, y, places = grid(portrait.low, portrait.high, FINENESS[2])
     rates = decay(portrait.skill, places)
-    image = _draw_rates(axes, rates.reshape(len(y), len(x)), portrait, (0, 1), scale, _limits(rates))
+    image = _draw_rates(axes, rates.reshape(len(y), len(x)), portrait, (0, 1), _limits(rates))
     bar = axes.figure.colorbar(image, ax=axes, label=RATE, extend=_extend(rates), shrink=0.8)
     style.logarithmic(bar.ax.yaxis)
-    draw_regions(axes, portrait, scale, tint=0)
-    _draw_marks(axes, portrait, bounds, lost, (0, 1), scale)
+    draw_regions(axes, portrait, tint=0)
+    _draw_marks(axes, portrait, bounds, lost, (0, 1))
     if np.isfinite(rates).any():
         lowest = int(np.nanargmin(rates))
-        axes.plot(*scale.coordinates(places[lowest], (0, 1)), **style.LOWEST)
+        axes.plot(*portrait.coordinates(places[lowest], (0, 1)), **style.LOWEST)
         axes.set_title(f"lowest here: {rates[lowest]:.3g} 1/s")
 
 
 def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
-    """Draw the decay rate in three planes through the first attractor; the lowest is looked for in space."""
-    scale, through = scale_of([portrait]), portrait.goals[0]
+    """Draw the decay rate in three planes through the first attractor, and the lowest rate in space."""
+    scale, through = portrait.scale, portrait.goals[0]
     sides = [np.linspace(portrait.low[i], portrait.high[i], FINENESS[3]) for i in range(3)]
     space = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     rates = decay(portrait.skill, space)
@@ -99,14 +134,14 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
         places = np.tile(through, (len(flat), 1))
         places[:, [i, j]] = flat
         plane = decay(portrait.skill, places).reshape(len(y), len(x))
-        image = _draw_rates(each, plane, portrait, pair, scale, limits)
-        _draw_marks(each, portrait, bounds, lost, pair, scale)
+        image = _draw_rates(each, plane, portrait, pair, limits)
+        _draw_marks(each, portrait, bounds, lost, pair)
         (rest,) = {0, 1, 2} - {i, j}
         where = f"{scale.factor * through[rest]:.3g} {scale.unit}"
         each.set_title(f"{style.named(portrait.skill.space.names[rest])} = {where}")
         if np.isfinite(rates).any():
             lowest = int(np.nanargmin(rates))
-            each.plot(*scale.coordinates(space[lowest], pair), **style.LOWEST)
+            each.plot(*portrait.coordinates(space[lowest], pair), **style.LOWEST)
     words = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
     bar = axes[0].figure.colorbar(
         image, ax=list(axes), label=words, extend=_extend(rates), location="left", shrink=0.7
@@ -115,7 +150,7 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
 
 
 def _extend(rates: FloatArray) -> str:
-    """Return where the colour bar gets an arrow: below, if some rate is not positive."""
+    """Return the end of the colour bar that gets an arrow: below, if some rate is not positive."""
     return "min" if np.nanmin(rates) <= 0 else "neither"
 
 
@@ -133,15 +168,14 @@ def _draw_rates(
     rates: FloatArray,
     portrait: Portrait,
     pair: tuple[int, int],
-    scale: Scale,
     limits: tuple[float, float],
 ) -> AxesImage:
-    """Draw rates on a grid (y, x); what is not positive in a colour of its own, with a line around it."""
+    """Draw rates on a grid (y, x); those that are not positive have a colour of their own, and a border."""
     i, j = pair
-    low, high = scale.factor * portrait.low, scale.factor * portrait.high
+    low, high = portrait.scale.factor * portrait.low, portrait.scale.factor * portrait.high
     colours = COLOURS.with_extremes(under=style.GROWING, bad="white")
     extent = (low[i], high[i], low[j], high[j])
-    frame(axes, portrait, pair, scale)
+    frame(axes, portrait, pair)
     image = axes.imshow(
         np.where(rates > 0, rates, np.where(np.isnan(rates), np.nan, 0.5 * limits[0])),
         extent=extent,
@@ -157,20 +191,20 @@ def _draw_rates(
 
 
 def _draw_marks(
-    axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None, pair: tuple[int, int], scale: Scale
+    axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None, pair: tuple[int, int]
 ) -> None:
     """Draw demonstrations faintly, attractors, certified radii and the witness."""
     for motion in portrait.motions:
-        axes.plot(*scale.coordinates(motion.positions, pair), **style.FAINT)
-    axes.plot(*scale.coordinates(portrait.goals, pair), **style.GOAL)
+        axes.plot(*portrait.coordinates(motion.positions, pair), **style.FAINT)
+    axes.plot(*portrait.coordinates(portrait.goals, pair), **style.GOAL)
     for part, radius in zip(portrait.skill.acting_parts, bounds.radii, strict=True):
         if radius is not None:
-            x, y = scale.coordinates(part.attractor, pair)
-            size = scale.factor * radius
+            x, y = portrait.coordinates(part.attractor, pair)
+            size = portrait.scale.factor * radius
             axes.add_patch(Circle((x, y), size, fc="none", ec="white", lw=1.4, zorder=6))
     if lost is not None:
-        axes.plot(*scale.coordinates(lost.positions, pair), **style.LOST)
-        start = scale.coordinates(lost.positions[0], pair)
+        axes.plot(*portrait.coordinates(lost.positions, pair), **style.LOST)
+        start = portrait.coordinates(lost.positions[0], pair)
         axes.plot(*start, "o", mfc="white", mec=style.WITNESS, ms=5, zorder=8)
 
 
@@ -195,7 +229,7 @@ def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion |
 
 
 def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, line: style.Line) -> None:
-    shrinking = distances(portrait.skill, motion)
+    shrinking = portrait.skill.acting_parts[motion.part].v_distance(motion.positions)
     if shrinking[0] > 0:
         axes.plot(motion.times, np.maximum(shrinking / shrinking[0], 1e-12), **line)
 
@@ -209,7 +243,7 @@ def _height(portrait: Portrait) -> float:
 
 
 def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
-    """Return the entries of the legend: what these figures show, and nothing else."""
+    """Return the entries of the legend, of only what these figures show."""
     wanted = ["motion of the skill"]
     if any(bounds.rate is not None for _, bounds in proofs):
         wanted.append("proved: no motion is slower")

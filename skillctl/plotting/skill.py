@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from skillctl.arrays import FloatArray
 from skillctl.plotting import style
 from skillctl.plotting.flow import widest_speed
 from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_paths, draw_plane, label
-from skillctl.plotting.portrait import Portrait, Scale, joint_box
+from skillctl.plotting.portrait import Portrait, joint_box
 
 WIDTH = 7.4  # [inch], of figures; a README shows them a little smaller
 PANEL = 2.7  # [inch], width of one skill among several
@@ -33,19 +32,12 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
 
     Args:
         portrait: The skill.
-        about: What kind of skill it is, for the title.
+        about: The kind of skill, for the title.
     """
     with style.drawing():
-        scale = scale_of([portrait])
-        dimension = portrait.skill.dimension
-        if dimension == 2:
-            figure = _plane(portrait, scale)
-        elif dimension == 3:
-            figure = _space(portrait, scale)
-        else:
-            figure = _courses(portrait, scale)
+        figure = {2: _plane, 3: _space}.get(portrait.skill.dimension, _courses)(portrait)
         figure.suptitle(f"{style.named(portrait.name)}  ({about})")
-        style.legend(figure, explained([portrait], scale))
+        style.legend(figure, explained([portrait]))
     return figure
 
 
@@ -53,29 +45,28 @@ def draw_family(parents: Sequence[tuple[Portrait, str]], child: tuple[Portrait, 
     """Return the figure of a skill beside its parents, all on the same axes.
 
     Args:
-        parents: Each with what it is to the child, such as ``weight 0.5``.
-        child: With what it is.
+        parents: The parents, each with its role, such as ``weight 0.5``.
+        child: The child with its kind, such as ``merged``.
     """
     members = [*parents, child]
     low, high = joint_box([portrait for portrait, _ in members])
-    boxed = [replace(portrait, low=low, high=high) for portrait, _ in members]
+    boxed = [portrait.within(low, high) for portrait, _ in members]
     draws = columns_of(boxed[0])
     across = len(members) if len(draws) > 1 else min(len(members), MOST_IN_A_ROW)
     heights = _heights(high - low, len(draws), math.ceil(len(members) / across))
     with style.drawing():
-        scale = scale_of(boxed)
         size = max(PANEL * across, 4.5), sum(heights) + 1.1
         figure = Figure(size, layout="compressed")
         grid = figure.subplots(len(heights), across, squeeze=False, height_ratios=heights)
-        # Several panels stand in a column under each other; single ones in rows.
+        # A member with several panels has a column of the grid; members with one panel fill its rows.
         panels = np.array(style.first(grid.T if len(draws) > 1 else grid, len(members) * len(draws)))
         for column, portrait, (_, role) in zip(panels.reshape(len(members), -1), boxed, members, strict=True):
             for axes, draw in zip(column, draws, strict=True):
-                draw(axes, portrait, scale)
+                draw(axes, portrait)
             column[0].set_title(f"{style.named(portrait.name, 26)}\n{role}")
         for axes in panels[-len(draws) :]:
             axes.spines[:].set(linewidth=1.6, edgecolor=style.INK)
-        style.legend(figure, explained(boxed, scale), columns=max(2, min(across, 4)))
+        style.legend(figure, explained(boxed), columns=max(2, min(across, 4)))
     return figure
 
 
@@ -92,14 +83,8 @@ def _heights(span: FloatArray, panels: int, rows: int) -> list[float]:
     return [0.7 * PANEL] * panels
 
 
-def scale_of(portraits: Sequence[Portrait]) -> Scale:
-    """Return the scale in which skills are told."""
-    low, high = joint_box(portraits)
-    return Scale.of(portraits[0].skill.space, float((high - low).max()))
-
-
-def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
-    """Return the entries of the legend: what these portraits show, and nothing else."""
+def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
+    """Return the entries of the legend, of only what these portraits show."""
     dimension = portraits[0].skill.dimension
     wanted = ["motion of the skill"]
     if any(portrait.demonstrations for portrait in portraits):
@@ -113,8 +98,8 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
         words = "the wider, the faster"
         if len(portraits) == 1:
             (only,) = portraits
-            fastest = style.two_digits(scale.factor * widest_speed(only.skill, only.low, only.high))
-            words = f"widest: {fastest} {scale.unit}/s"
+            fastest = style.two_digits(only.scale.factor * widest_speed(only))
+            words = f"widest: {fastest} {only.scale.unit}/s"
         handles[f"field; {words}"] = style.entries("field")["field"]
     for portrait in portraits:
         if len(portrait.skill.acting_parts) > 1 and dimension in (2, 3):
@@ -130,16 +115,16 @@ def explained(portraits: Sequence[Portrait], scale: Scale) -> dict[str, Any]:
     return handles
 
 
-def _plane(portrait: Portrait, scale: Scale) -> Figure:
+def _plane(portrait: Portrait) -> Figure:
     span = portrait.high - portrait.low
     width = WIDTH - 0.8
     figure = Figure((WIDTH, min(width * float(span[1] / span[0]), 8.0) + 1.3), layout="constrained")
     axes = figure.add_subplot()
-    draw_plane(axes, portrait, scale)
+    draw_plane(axes, portrait)
     return figure
 
 
-def _space(portrait: Portrait, scale: Scale) -> Figure:
+def _space(portrait: Portrait) -> Figure:
     """Return views from above, the side and the front on one scale, edge to edge, and a perspective."""
     x, y, z = (portrait.high - portrait.low).tolist()
     scene = WIDTH - 1.6
@@ -148,16 +133,16 @@ def _space(portrait: Portrait, scale: Scale) -> Figure:
     places = ((0, 0), (1, 0), (1, 1))
     for (row, column), draw, title in zip(places, columns_of(portrait), TITLES, strict=True):
         axes = figure.add_subplot(grid[row, column])
-        draw(axes, portrait, scale)
+        draw(axes, portrait)
         if portrait.skill.space.unit == "m":  # joint angles have no above
             axes.set_title(title)
-    _draw_perspective(figure.add_subplot(grid[0, 1], projection="3d"), portrait, scale)
+    _draw_perspective(figure.add_subplot(grid[0, 1], projection="3d"), portrait)
     return figure
 
 
-def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
-    draw_paths(axes, portrait, (0, 1, 2), scale)
-    low, high = scale.factor * portrait.low, scale.factor * portrait.high
+def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
+    draw_paths(axes, portrait, (0, 1, 2))
+    low, high = portrait.scale.factor * portrait.low, portrait.scale.factor * portrait.high
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.05)
     axes.view_init(elev=22, azim=-60)
@@ -165,22 +150,22 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait, scale: Scale) -> None:
     for i, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
         axis.set_major_locator(MaxNLocator(3))
         axis.set_tick_params(labelsize=6.5, pad=-2)
-        axis.set_label_text(label(portrait, i, scale), fontsize=8)
+        axis.set_label_text(label(portrait, i), fontsize=8)
         axis.labelpad = -6
         axis.pane.set_visible(False)
-    # At the upper end of its axis, because beside it the label would leave the figure.
+    # The label is at the upper end of the axis, because beside it it would leave the figure.
     axes.zaxis.set_label_text("")
     top = high[2] + 0.05 * (high[2] - low[2])
-    axes.text(high[0], high[1], top, label(portrait, 2, scale), fontsize=8, ha="center")
+    axes.text(high[0], high[1], top, label(portrait, 2), fontsize=8, ha="center")
 
 
-def _courses(portrait: Portrait, scale: Scale) -> Figure:
+def _courses(portrait: Portrait) -> Figure:
     dimension = portrait.skill.dimension
     draws = [draw_line_field, course(0)] if dimension == 1 else [course(i) for i in range(dimension)]
     rows = math.ceil(len(draws) / 2)
     figure = Figure((WIDTH, 1.9 * rows + 1.2), layout="constrained")
     axes = style.first(figure.subplots(rows, 2, squeeze=False), len(draws))
     for each, draw in zip(axes, draws, strict=True):
-        draw(each, portrait, scale)
+        draw(each, portrait)
     style.tidy(axes)
     return figure

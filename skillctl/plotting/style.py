@@ -1,4 +1,4 @@
-"""How all figures look, and how they become files: the same figure gives the same bytes."""
+"""The look of all figures, and their files: the same figure gives the same bytes."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from skillctl.errors import printable
 
-Drawing: TypeAlias = Figure  # for rooms that do not know Matplotlib
+Drawing: TypeAlias = Figure  # for rooms that do not import Matplotlib
 Line: TypeAlias = "dict[str, Any]"  # how a line looks, as Matplotlib's keywords
 
-# Okabe and Ito's colours, which colour-blind readers tell apart. Demonstrations and motions differ in
-# lightness and dash as well, for paper without colours.
+# Okabe and Ito's colours, which colour-blind readers can distinguish. Demonstrations and motions differ in
+# lightness and dash as well, for prints without colours.
 DEMONSTRATION, MOTION, LEFT_OUT, WITNESS = "#D55E00", "#0072B2", "#8E4B7B", "#D55E00"
 GROWING = "#F4B79B"  # where V grows
 FLOW, QUIET, INK, DENSITY = "#B4B4B4", "#8C8C8C", "#1A1A1A", "#00785A"
@@ -56,7 +56,7 @@ SETTINGS: dict[Any, Any] = {
     "legend.frameon": False,
     "figure.titlesize": 11.0,
     "figure.facecolor": "white",
-    "text.parse_math": False,  # a name with two dollars is a name, not a formula
+    "text.parse_math": False,  # two dollars in a name do not make it a formula
     "axes.unicode_minus": True,
     "svg.hashsalt": "skillctl",
     "svg.fonttype": "path",  # looks the same without our font
@@ -72,7 +72,7 @@ WITHOUT_DATE: dict[str, dict[str, Any]] = {
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Draw as this room does, whatever the user's matplotlibrc says; afterwards all is as it was."""
+    """Use the settings of this room, not the user's matplotlibrc, and restore all settings afterwards."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(SETTINGS)
@@ -83,10 +83,10 @@ def encode(figure: Figure, form: str) -> bytes:
     """Return a figure as the bytes of a ``png``, ``svg`` or ``pdf`` file, without a date in them."""
     buffer = io.BytesIO()
     with drawing(), warnings.catch_warnings():
-        # A name may hold letters that the font lacks; a box in their place is all that can be done.
+        # A name may hold letters that the font lacks, which are drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure.savefig(buffer, format=form, metadata=WITHOUT_DATE[form])
-    maps = any(axes.images for axes in figure.axes)  # whose colours need all bits
+    maps = any(axes.images for axes in figure.axes)  # their colours need all bits
     return _with_palette(buffer) if form == "png" and not maps else buffer.getvalue()
 
 
@@ -103,13 +103,13 @@ def _with_palette(picture: io.BytesIO) -> bytes:
 
 
 def named(text: str, longest: int = 34) -> str:
-    """Return a name from a file as it is written into a picture: on one line, not too long."""
+    """Return a name from a file as a picture shows it: on one line, and not too long."""
     name = printable(text)
     return name if len(name) <= longest else f"…{name[1 - longest :]}"
 
 
 def entries(*wanted: str) -> dict[str, Any]:
-    """Return the wanted entries of a legend: a sample of each line, by its words."""
+    """Return the wanted entries of a legend: a sample of each line, by its label."""
     known = {
         "demonstration": Line2D([], [], **DEMONSTRATED),
         "motion of the skill": Line2D([], [], **MOVED),
@@ -143,19 +143,19 @@ def legend(figure: Figure, handles: dict[str, Any], columns: int = 4) -> None:
 
 
 def two_digits(value: float) -> str:
-    """Return a number for people: two significant digits, never an exponent where digits will do."""
+    """Return a number with two significant digits, for people."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def logarithmic(axis: Any) -> None:
-    """Label a logarithmic axis with plain numbers, enough of them to read it by."""
+    """Label a logarithmic axis with plain numbers at 1, 2 and 5 of each decade."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def first(grid: Any, count: int) -> list[Axes]:
-    """Return the first axes of a grid, and take away the others."""
+    """Return the first axes of a grid, and remove the others."""
     axes = list(grid.flat)
     for unused in axes[count:]:
         unused.remove()
@@ -163,6 +163,6 @@ def first(grid: Any, count: int) -> list[Axes]:
 
 
 def tidy(axes: Sequence[Axes]) -> None:
-    """Take away the upper and right frame of axes."""
+    """Remove the upper and right frame of axes."""
     for each in axes:
         each.spines[["top", "right"]].set_visible(False)

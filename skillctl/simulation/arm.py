@@ -1,4 +1,4 @@
-"""One arm in a Bullet world of its own, and the one interface through which an episode moves it."""
+"""One arm in a Bullet world of its own, and the interface through which an episode moves it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.bullet import World
 
 CONTROL_PERIOD = 1 / 240  # [s], also Bullet's step
-LIMIT_MARGIN = 0.005  # [rad]: commands keep clear of the limits by more than the motors' lag
-STOP_MARGIN = 1e-6  # [rad]: a stopped joint is within its limit, whatever is rounded
+LIMIT_MARGIN = 0.005  # [rad], between commands and limits: more than the lag of the motors
+STOP_MARGIN = 1e-6  # [rad]: keeps a stopped joint within its limit in spite of rounding
 FINGER_FORCE = 20.0  # [N]
-COMMANDED_SHARE = 0.95  # of the real arm's joint velocity: motors and torques overshoot a little
+COMMANDED_SHARE = 0.95  # of the largest joint velocity, because motors and torques overshoot a little
 
 Shapes: TypeAlias = Literal["all", "collision", "none"]
 Body = TypeVar("Body", bound="ArmBody")
@@ -25,9 +25,9 @@ Quaternion: TypeAlias = tuple[float, float, float, float]  # q_xyzw
 
 
 class ArmBody:
-    """One arm, fixed at the world's origin, alone in a Bullet world of its own.
+    """One arm, fixed at the origin of a Bullet world of its own.
 
-    Usable as a context manager; the world ends with it.
+    As a context manager it closes the world at the end.
 
     Attributes:
         bullet: The world.
@@ -41,9 +41,9 @@ class ArmBody:
 
         Args:
             model: The arm.
-            base_yaw: How far the base is turned about the vertical, [rad].
-            shapes: What of the arm can be seen and touched: ``all``, ``collision`` (Bullet computes inertias
-                from these), or ``none``, which loads thirty times as fast and is enough for kinematics.
+            base_yaw: Turn of the base about the vertical, [rad].
+            shapes: Shapes of the arm that are loaded: ``all``, ``collision`` (Bullet computes inertias from
+                these), or ``none``, which loads thirty times as fast and is enough for kinematics.
             gui: Show the world in a window (see ``gui``).
         """
         self.model = model
@@ -90,7 +90,7 @@ class ArmBody:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ArmState:
-    """What the arm's sensors say: hand position (3,) [m]; joints [rad], velocities [rad/s], torques [Nm]."""
+    """Measurements of an arm: hand position (3,) [m]; joints [rad], velocities [rad/s], torques [Nm]."""
 
     hand: FloatArray
     joints: FloatArray
@@ -99,13 +99,13 @@ class ArmState:
 
 
 class Tracking(NamedTuple):
-    """How well the arm can do what it was told.
+    """How well the arm can follow the commands.
 
     Attributes:
-        reference: Where the hand should be by now, shape (3,), [m].
-        residual: How far inverse kinematics missed the reference at the last step, [m].
-        refusals: Steps in a row, up to the last, for which there were no joints.
-        at_limit: Joint, from 0, that was at its limit when that last happened; None if none was.
+        reference: Where the hand should be now, shape (3,), [m].
+        residual: Error of inverse kinematics at the last step, [m].
+        refusals: Number of steps in a row, up to the last, without a solution.
+        at_limit: Joint, from 0, that was at its limit at the last of these; None if none was.
     """
 
     reference: FloatArray
@@ -115,21 +115,22 @@ class Tracking(NamedTuple):
 
 
 class LiveArm(ABC):
-    """An arm under gravity, in time, within the limits of the real one, told once a period how to move.
+    """An arm under gravity, within the limits of the real one, commanded once a period.
 
-    Bullet knows nothing of a joint's velocity limit and lets a hard push carry it past a position limit. So
-    after each step a joint that is too fast is held to its largest velocity, and one beyond its limit stands
-    at it: what the drives and the stops of a real arm do, whatever their strength.
+    Bullet has no velocity limit for a joint, and a hard push carries a joint past its position limit. So
+    after each step a joint that is too fast gets its largest velocity, and a joint beyond its limit is
+    stopped there, as the drives and the stops of a real arm do.
 
     Attributes:
         period: Time between two commands, which is one step of Bullet, [s].
-        orientation: The hand's, q_xyzw in the world.
+        state: Measured after the last period.
+        orientation: Orientation of the hand then, q_xyzw in the world.
     """
 
     period: ClassVar[float]
 
     def __init__(self, body: ArmBody, joints: FloatArray) -> None:
-        """Args: body, moved by nobody else; joints: where it starts, at rest, (n,), [rad]."""
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad], at rest."""
         self.body = body
         self.orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
         self._lowest = np.array(body.model.lower) + STOP_MARGIN
@@ -152,38 +153,34 @@ class LiveArm(ABC):
 
     @abstractmethod
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
-        """Let one period pass, in which the hand shall move with ``velocity`` (3,) [m/s].
+        """Let one period pass, in which the hand should move with ``velocity`` (3,) [m/s].
 
         Args:
-            velocity: Of the hand.
-            push: Force on the hand all through the period, shape (3,), [N].
+            velocity: Velocity asked of the hand.
+            push: Force on the hand during the period, shape (3,), [N].
 
         Returns:
             The share of the velocity that the joints' limits allowed.
         """
 
-    def state(self) -> ArmState:
-        """Return the measured state."""
-        return self._state
-
     def place(self, joints: FloatArray) -> None:
-        """Put the joints at these angles (n,) [rad] at once, at rest; no time passes."""
+        """Put the joints at these angles (n,) [rad], at rest; no time passes."""
         self.body.pose(joints)
-        self._state = self._measured()
+        self.state = self._measured()
 
     def _step(self, push: FloatArray | None, torques: FloatArray | None = None) -> None:
-        """Let one period pass; ``torques`` (n,) [Nm] drive the joints, if Bullet's motors do not."""
+        """Let one period pass; ``torques`` (n,) [Nm] are those applied, if Bullet's motors are off."""
         body, bullet = self.body, self.body.bullet
-        if push is not None:  # Bullet forgets a force after each step
-            place = self._state.hand.tolist()
+        if push is not None:  # which Bullet clears after each step
+            place = self.state.hand.tolist()
             bullet.applyExternalForce(body.body, body.model.tip, push.tolist(), place, bullet.WORLD_FRAME)
         bullet.stepSimulation()
-        self._state = state = self._measured(torques)
+        self.state = state = self._measured(torques)
         beyond = (state.joints < self._lowest) | (state.joints > self._highest)
         stopped = beyond | (np.abs(state.velocities) > self._fastest)
         if stopped.any():
             self._stop(beyond, stopped)
-            self._state = self._measured(state.torques)
+            self.state = self._measured(state.torques)
 
     def _measured(self, torques: FloatArray | None = None) -> ArmState:
         joints = self.body.bullet.getJointStates(self.body.body, self.body.indices)
@@ -194,8 +191,8 @@ class LiveArm(ABC):
 
     def _stop(self, beyond: BoolArray, stopped: BoolArray) -> None:
         """Put joints ``beyond`` their limit (n,) back to it, and hold all that are ``stopped`` (n,)."""
-        joints = np.clip(self._state.joints, self._lowest, self._highest)
-        velocities = np.clip(self._state.velocities, -self._fastest, self._fastest)
+        joints = np.clip(self.state.joints, self._lowest, self._highest)
+        velocities = np.clip(self.state.velocities, -self._fastest, self._fastest)
         velocities[beyond] = 0.0
         for i in np.flatnonzero(stopped).tolist():
             self.body.bullet.resetJointState(self.body.body, self.body.indices[i], joints[i], velocities[i])

@@ -1,4 +1,4 @@
-"""The arms: what a data sheet says about each. An arm more is a record more, and nothing else.
+"""The arms, one data sheet each; a new arm needs no more than another record.
 
 This module imports no NumPy, so that the command line can list the arms without it.
 """
@@ -17,23 +17,23 @@ Angles = tuple[float, ...]
 class ArmModel:
     """A data sheet. Every tuple of limits has one entry per arm joint; fingers are not arm joints.
 
-    A sliding joint counts in [m], [m/s] and [N] where a turning one counts in [rad], [rad/s] and [Nm].
+    Units are those of a turning joint, [rad], [rad/s], [Nm]; a sliding one has [m], [m/s], [N] instead.
 
     Attributes:
         name: As on the command line.
-        title: Maker and type, as people call it.
+        title: Maker and type.
         urdf: File of the ``pybullet_data`` package, or an absolute path.
         indices: Bullet's numbers of the arm's joints, from the base to the hand.
-        tip: Link whose frame is "the hand": its z axis is the approach direction.
+        tip: Link whose frame is the hand; its z axis is the approach direction.
         lower, upper: Joint limits of the real arm, [rad] (the URDF's are wider).
-        max_velocity, max_torque: Of the real arm, [rad/s] and [Nm].
+        max_velocity, max_torque: Limits of the real arm, [rad/s] and [Nm].
         home: Ready posture for a hand pitched down by zero; the pitch is subtracted at ``pitch_joint``.
         pitch_joint: Joint that pitches the hand in the ready posture, with its sign; None if that is unknown.
         finger_axis: Sign of the hand's y axis against the horizontal in the natural branch (see ``ik``).
-        fingers: Finger joints and how far they are held open, [m].
+        fingers: Finger joints and their open positions, [m].
         reach_centre: Middle of the comfortable workspace in front of the arm, [m].
-        yaw_share: How far the hand turns towards the azimuth of its place: 0 straight ahead, 1 radially.
-        held: Joints that neither carry the hand nor are fingers of a known gripper, and where they are held.
+        yaw_share: How far the hand turns towards the azimuth of its position: 0 ahead, 1 radially.
+        held: Other joints, neither of the arm nor fingers of a known gripper, and their fixed positions.
     """
 
     name: str
@@ -60,19 +60,19 @@ class ArmModel:
 
     @property
     def path(self) -> Path:
-        """Where the URDF file lies."""
+        """Path of the URDF file."""
         import pybullet_data
 
         return Path(pybullet_data.getDataPath()) / self.urdf
 
     @property
     def others(self) -> tuple[tuple[int, float], ...]:
-        """All joints that are not the arm's, and where they are held."""
+        """All joints that are not the arm's, and their fixed positions."""
         return self.fingers + self.held
 
     @property
     def columns(self) -> list[int]:
-        """Places of the arm's joints among all movable joints, the order in which Bullet lists those."""
+        """Indices of the arm's joints among all movable joints, in Bullet's order."""
         movable = sorted([*self.indices, *(joint for joint, _ in self.others)])
         return [movable.index(joint) for joint in self.indices]
 
@@ -105,7 +105,7 @@ PANDA = ArmModel(
     finger_axis=-1,
     fingers=((9, 0.04), (10, 0.04)),
     reach_centre=(0.50, 0.0, 0.60),
-    yaw_share=0.5,  # at a shelf: with 0 the elbow, with 1 the forearm comes near the boards or a wall
+    yaw_share=0.5,  # at a shelf, 0 brings the elbow near the boards or a wall, 1 the forearm
 )
 # The model in pybullet_data has the link lengths of the LBR iiwa 14 R820 (0.36, 0.42, 0.40 m).
 IIWA = ArmModel(
@@ -140,6 +140,6 @@ XARM6 = ArmModel(
     finger_axis=-1,
     fingers=(),
     reach_centre=(0.45, 0.0, 0.45),
-    yaw_share=1.0,  # with six joints anything less turns the wrist through its singularity
+    yaw_share=1.0,  # with six joints, less than 1 takes the wrist through its singularity
 )
 ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}  # the first is the default

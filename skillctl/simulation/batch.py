@@ -1,8 +1,8 @@
-"""Many episodes of one scenario. Each is drawn, runs in a process of its own, and becomes a row."""
+"""Many episodes of one scenario: each is drawn, and runs in a process of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal, TypeAlias
@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.model.skill import Skill
+from skillctl.progress import Progress
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
@@ -23,8 +24,6 @@ PATH_SPACING = 4e-3  # [m]: as fine as an overview can show
 BatchOutcome: TypeAlias = Outcome | Literal["crashed"]
 BATCH_OUTCOMES: tuple[BatchOutcome, ...] = (*OUTCOMES, "crashed")
 
-Progress = Callable[[int, int, int], None]  # episodes done, in all, and successes among them
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trace:
@@ -32,10 +31,10 @@ class Trace:
 
     Attributes:
         arm, base_yaw, plane: The arm, how far its base is turned [rad], and the plane of a 2-D skill.
-        joints, fingers: Where it began, shapes (n,) and (m,).
-        path: Where the hand was, shape (k, 3), [m].
-        cup: Where the cup stood at first, (7,); NaN without a cup.
-        target: Where the motion went, shape (3,), [m].
+        joints, fingers: Its posture at the start, shapes (n,) and (m,).
+        path: Positions of the hand, shape (k, 3), [m].
+        cup: Pose of the cup at the start, (7,); NaN without a cup.
+        target: Target of the motion, shape (3,), [m].
         part: Part of a combined skill that acted at the start.
     """
 
@@ -56,9 +55,9 @@ class Row:
 
     Attributes:
         index: Its number, from 0.
-        scenario: What was drawn; run by itself it gives the same episode again.
-        outcome: As of an episode, or ``crashed``: its process died, or was killed.
-        detail: For a failure, what happened.
+        scenario: The scenario that was drawn; run by itself, it gives the same episode again.
+        outcome: That of the episode, or ``crashed``: its process died or was killed.
+        detail: What happened, for a failure.
         metrics, trace: None if the episode could not begin, or crashed.
     """
 
@@ -83,29 +82,30 @@ def run_batch(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Row, ...]:
-    """Return the episodes of a scenario, in order. They do not depend on that order, nor on the workers.
+    """Return the episodes of a scenario, in order. Neither the order nor the workers change them.
 
     Args:
-        skill: What is run.
-        scenario: How often, and what is drawn (see ``drawn``).
-        starts: Where the demonstrations of the skill start, shape (n, d).
-        workers: Processes, or a cluster; one process by default. They are always others than this one.
-        progress: Called before the first and after every episode.
+        skill: The skill that is run.
+        scenario: How many episodes, and what is drawn for each (see ``drawn``).
+        starts: Starts of the skill's demonstrations, shape (n, d).
+        workers: Processes, or a cluster; one process by default, but never this one.
+        progress: Called before the first and after every episode, with episodes done and in all.
 
     Raises:
-        NotFoundError, UsageError: As of one episode: they hold for all.
+        NotFoundError, UsageError: As ``simulate`` raises them for one episode.
     """
-    count, finished, successes = scenario.episodes, 0, 0
-    if progress is not None:
-        progress(0, count, 0)
+    count, finished, successes, began = scenario.episodes, 0, 0, time.perf_counter()
 
     def done(_: int, row: Row | WorkerDied) -> None:
         nonlocal finished, successes
         finished += 1
         successes += isinstance(row, Row) and row.success
         if progress is not None:
-            progress(finished, count, successes)
+            rate = finished / max(time.perf_counter() - began, 1e-9)
+            progress(f"{successes} of {finished} succeeded, {rate:.1f} episodes/s", finished, count)
 
+    if progress is not None:
+        progress("starting", 0, count)
     task = partial(run_row, skill, scenario, starts)
     rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
     return tuple(
@@ -132,9 +132,9 @@ def _trace(episode: Episode) -> Trace:
     series = episode.series
     approach = series.phases == 0
     return Trace(
-        arm=episode.arm,
-        base_yaw=episode.base_yaw,
-        plane=episode.placement.plane,
+        arm=episode.setup.arm,
+        base_yaw=episode.setup.base_yaw,
+        plane=episode.setup.placement.plane,
         joints=series.joints[0],
         fingers=series.fingers[0],
         path=thinned(series.hand[approach], PATH_SPACING),

@@ -1,4 +1,4 @@
-"""The only access to PyBullet: it is imported late, and its C code does not reach standard output."""
+"""The only access to PyBullet, which is imported late; its C code cannot write to standard output."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def load_bullet() -> Any:
 
 
 class World:
-    """A Bullet world of its own: PyBullet's functions, each told that this world is meant, and its constants.
+    """A Bullet world: the functions of PyBullet, bound to this world, and its constants.
 
     Attributes:
         client: PyBullet's number of the world.
@@ -47,7 +47,7 @@ class World:
         self.client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a function or constant of PyBullet, which from now on is an attribute of this object."""
+        """Return a function or constant of PyBullet, and keep it as an attribute of this object."""
         attribute = getattr(self._bullet, name)
         if callable(attribute):
             attribute = partial(attribute, physicsClientId=self.client)
@@ -57,17 +57,15 @@ class World:
 
 @contextmanager
 def silenced(descriptor: int, into: int | None = None) -> Iterator[None]:
-    """Discard what anybody, C code included, writes to a file descriptor (1 or 2) within the block.
+    """Discard all that is written to a file descriptor (1 or 2) within the block, by C code, too.
 
-    Or let it go to the descriptor ``into``.
-
-    Replacing ``sys.stdout`` would not reach C code, and C keeps its own buffer: it is emptied before
-    the descriptor is given back, or its text would surface afterwards.
+    With ``into``, write it to that descriptor instead. Replacing ``sys.stdout`` would not affect C code. C
+    has its own buffer, which is flushed before the descriptor is restored, or its text would appear later.
     """
     _flush()
     try:
         saved = os.dup(descriptor)
-    except OSError:  # closed by our caller: nothing to protect
+    except OSError:  # it is closed, so nothing has to be protected
         yield
         return
     sink = os.open(os.devnull, os.O_WRONLY) if into is None else os.dup(into)

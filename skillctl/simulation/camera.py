@@ -1,4 +1,4 @@
-"""A camera that frames what it is shown, and says where points are in its picture."""
+"""A camera that frames given points, and projects points into its picture."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FIELD_OF_VIEW = math.radians(36.0)  # vertical
 NEAR, FAR = 0.1, 12.0  # [m]
 MARGIN = 0.94  # share of the picture that the framed points may use
 LIGHT = np.array([-0.75, 1.1, 1.0])  # from the scene, as right, up and towards the viewer
-LIGHT_DISTANCE = 10.0  # Bullet's default is so near that everything shades itself
+LIGHT_DISTANCE = 10.0  # with Bullet's default, which is near, everything shades itself
 SHADOW_BLUR = 4  # pixels
-BURIED = 0.012  # [m]: a point this far behind a surface is hidden; nearer ones are on it
+BURIED = 0.012  # [m]: a point farther behind a surface is hidden; a nearer one is on it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,7 +37,7 @@ class View:
 
 
 class Camera:
-    """Looks along a fixed direction from where all given points are in the picture."""
+    """A camera with a fixed direction, as near as it can be with all given points in the picture."""
 
     def __init__(self, points: FloatArray, towards: FloatArray, width: int, height: int) -> None:
         """Args: points (n, 3) to frame; direction (3,) from them to the camera; size of the picture."""
@@ -57,9 +57,9 @@ class Camera:
         self.eye = np.array([*middle, distance]) @ self._axes
 
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where points (n, 3) are in the picture, and their distance along the view (n,), [m].
+        """Return the places (n, 2) of points (n, 3) in the picture, and their depths (n,), [m].
 
-        Shape (n, 2): 0 to 1 from left to right, and from top to bottom.
+        A place goes from 0 to 1 from left to right, and from top to bottom.
         """
         viewed = (points - self.eye) @ self._axes.T
         depths = -viewed[:, 2]
@@ -76,8 +76,8 @@ class Camera:
     def render(self, body: ArmBody) -> View:
         """Return the picture of everything in the body's world, with soft shadows.
 
-        Bullet's shadows have jagged edges. How much darker each pixel is with shadows than without does
-        not depend on what is painted there, so that is blurred, each body by itself.
+        Bullet's shadows have jagged edges. The share of light that a shadow leaves a pixel does not depend
+        on the colour there, so these shares are blurred, for each body by itself.
         """
         lit, depths, surface = self._rendered(body, shadow=False)
         shaded, _, _ = self._rendered(body, shadow=True)

@@ -1,4 +1,4 @@
-"""A rendered picture, and what is drawn over it where its points in space are: solid if seen, else faint."""
+"""Lines and marks at points in space, drawn over a rendered picture: solid if visible, else faint."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Colour: TypeAlias = tuple[int, int, int]
 
 SEEN, FAINT = 255, 80  # opacity in front of and behind surfaces
 WHITE: Colour = (255, 255, 255)
-SUPERSAMPLING = 4  # drawn this much larger than it is shown: smooth edges
+SUPERSAMPLING = 4  # the layer is drawn this much larger than shown, for smooth edges
 LINE_SPACING = 2.0  # pixels between the points that a line is drawn through
 SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
 HAZE = (2.2, 4.0)  # [m] from the camera to the floor, which fades into the sky between these distances
@@ -29,14 +29,14 @@ class Canvas:
     """
 
     def __init__(self, stage: Stage, camera: Camera, size: tuple[int, int]) -> None:
-        """Args: what is seen, and by which camera; size of the finished picture."""
+        """Args: stage; camera; size of the finished picture, width and height."""
         self._camera, self._size, self._floor = camera, size, stage.floor
         self._view = camera.render(stage)
         self._layer = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
 
     def image(self) -> Image.Image:
-        """Return the picture: the floor fades into the sky, what was drawn lies above all."""
+        """Return the picture; the floor fades into the sky, and the layer lies above all."""
         view = self._view
         colours = view.colours.astype(np.float64)
         fraction = np.linspace(0.0, 1.0, len(colours))[:, None]
@@ -81,7 +81,7 @@ class Canvas:
         self._disc(self._pixels(point[None])[0], radius, (*colour, opacity))
 
     def ring(self, point: FloatArray, colour: Colour, radius: float) -> None:
-        """Draw a ring around a point (3,); never faint, so that it is found at a glance."""
+        """Draw a ring around a point (3,); it is never faint, so that it is found easily."""
         x, y = self._pixels(point[None])[0].tolist()
         for tint, size, width in ((WHITE, radius + 1.2, 4.4), (colour, radius, 2.0)):
             r = SUPERSAMPLING * size

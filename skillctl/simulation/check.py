@@ -1,4 +1,4 @@
-"""Whether an arm can follow a skill, by inverse kinematics alone: nothing moves, and nothing has mass."""
+"""Whether an arm can follow a skill, by inverse kinematics alone, without dynamics."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from skillctl.arrays import length
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.episode import RefusedError
+from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.options import HandPolicy
-from skillctl.simulation.prepare import Setup, prepare
+from skillctl.simulation.prepare import prepare
 from skillctl.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Reachability:
-    """What the arm can reach of a motion. None where the arm does not get so far.
+    """How much of a motion an arm can reach. A value that could not be computed is None.
 
     Attributes:
-        reachable: Whether start, path and target are.
-        reason: If not, in one sentence what is not.
-        arm, hand, base_yaw: The arm, how it holds its hand, how its base is turned [rad].
-        scale, origin: Where the skill was placed: workspace = origin [m] + scale · coordinates.
-        start, target: In the workspace, [m].
-        duration: Of the ideal motion, [s].
-        start_residual, target_residual: How far the hand misses them at best, [m].
-        path_residual: How far it misses the path where it is farthest from it, [m].
-        lost_at: Where the path cannot be followed any more, in the workspace, [m]; None if it can.
+        reachable: Whether start, path and target can be reached.
+        reason: What cannot be reached, in one sentence; else empty.
+        arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        scale, origin: The placement: workspace = origin [m] + scale · coordinates.
+        start, target: Positions in the workspace, [m].
+        duration: Duration of the ideal motion, [s].
+        start_residual, target_residual: Smallest distance of the hand to them, [m].
+        path_residual: Largest distance of the hand to the path, [m].
+        lost_at: Workspace position where the path cannot be followed any more, [m]; None if it can.
         joint_margin: Smallest distance of a joint to its limit on the path, [rad].
-        tightest_joint: Which joint that is, from 1.
-        velocity_ratio: Largest joint velocity that the ideal motion asks for, over the limit. Above 1 the arm
-            slows the motion down, on the same path.
+        tightest_joint: The joint with this margin, from 1.
+        velocity_ratio: Largest joint velocity of the ideal motion, over the limit. Above 1 the arm slows the
+            motion down, on the same path.
     """
 
     reachable: bool
@@ -57,13 +57,13 @@ class Reachability:
 
 
 def check(skill: Skill, scenario: Scenario) -> Reachability:
-    """Return whether an arm can hold its hand where a skill wants it: at start and target, and on the way.
+    """Return whether an arm can reach the start, the path and the target of a skill.
 
-    Placement, hand and base are chosen as ``simulate`` chooses them. Torques, scene contacts and disturbances
-    are not looked at: only ``simulate`` shows those.
+    Placement, hand and base are chosen as in ``simulate``. Torques, contacts and disturbances are not
+    checked; only ``simulate`` shows those.
 
     Raises:
-        UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
+        UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
         NotFoundError: PyBullet is not installed.
     """
     with silenced(1):
@@ -71,13 +71,13 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
             setup = prepare(skill, scenario)
         except RefusedError as refusal:
             return Reachability(False, str(refusal), scenario.arm)
-        with ArmBody(setup.model, setup.base_yaw, shapes="none") as body:
+        with ArmBody(setup.arm, setup.base_yaw, shapes="none") as body:
             return _along(setup, Kinematics(body, setup.hand, setup.base_yaw), scenario)
 
 
 def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachability:
     """Follow the plan, one control period after the other, as far as there are joints for it."""
-    plan, model = setup.plan, setup.model
+    plan, arm = setup.plan, setup.arm
     start = plan.positions[0]
     if scenario.start is not None:
         start = setup.placement.to_workspace(np.array(scenario.start))
@@ -87,12 +87,12 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
     if solutions and not solutions[-1].accepted:
         lost = tuple(plan.positions[len(solutions)].tolist())
     followed = np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)])
-    margins = np.minimum(followed - model.lower, model.upper - followed)
-    speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / model.max_velocity
+    margins = np.minimum(followed - arm.lower, arm.upper - followed)
+    speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / arm.max_velocity
     return Reachability(
         reachable=lost is None and plan.arrived,
         reason=_reason(setup, lost),
-        arm=model.name,
+        arm=arm.name,
         hand=setup.hand,
         base_yaw=setup.base_yaw,
         scale=setup.placement.scale,

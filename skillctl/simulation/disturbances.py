@@ -1,4 +1,4 @@
-"""What interferes with an episode: pushes, moved targets, displaced hands; noisy eyes."""
+"""Disturbances of an episode: pushes, moved targets, displaced hands, and errors of perception."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Schedule:
         return np.sum(acting, axis=0) if acting else None
 
     def due(self, time: float) -> Iterator[MoveTarget | Displace]:
-        """Yield what jumps at ``time`` or has been due since the last call; each jump once."""
+        """Yield the jumps that are due at ``time``, each of them once."""
         while self._jumps and self._jumps[0].time <= time:
             yield self._jumps.pop(0)
 
@@ -37,15 +37,15 @@ def last_end(disturbances: Sequence[Disturbance]) -> float:
 
 
 def jumped(disturbances: Sequence[Disturbance]) -> float:
-    """Return how far all moves of target and hand lead together, [m]."""
+    """Return the total length of all jumps of target and hand, [m]."""
     offsets = [event.offset for event in disturbances if not isinstance(event, Push)]
     return float(sum(np.linalg.norm(offset) for offset in offsets))
 
 
 class Perception:
-    """What the skill is told about hand and target: the truth plus Gaussian errors.
+    """Measurements of hand and target: their true positions plus Gaussian errors.
 
-    Errors of hand and target are drawn from generators of their own, so that one does not change the other.
+    Hand and target have generators of their own, so that the errors of one do not change the other's.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -61,7 +61,7 @@ class Perception:
         return position + self._hand_errors.normal(0.0, self._noise, 3)
 
     def read_target(self) -> FloatArray:
-        """Look at the target again; return how far off it is seen, shape (3,), [m], at its true height."""
+        """Return a new error of the perceived target, shape (3,), [m]; its height has none."""
         if not self._target_error:
             return np.zeros(3)
         return np.array([*self._target_errors.normal(0.0, self._target_error, 2), 0.0])

@@ -1,12 +1,9 @@
-"""Where runs begin, and what differs between the episodes of a batch.
-
-Episodes are drawn so that none depends on another.
-"""
+"""The start of a run, and what differs between the episodes of a batch, none of which depends on another."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -14,7 +11,7 @@ from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import Skill
-from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario, Shelf, Table
+from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
 CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
@@ -22,7 +19,7 @@ START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
 Stream: TypeAlias = Literal["cup", "start", "body", "seed"]
-STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # only ever appended to
+STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # append only: the index seeds a stream
 
 
 def chosen(
@@ -31,11 +28,12 @@ def chosen(
     """Return the scenario of one run.
 
     Args:
-        skill: What is run.
-        taught: What each leaf of the skill was taught.
-        scenario: What is asked for.
-        demo: Start where this demonstration does, counted from 0 over all leaves, moved as the target is.
-        episode: Run this one of the episodes that the scenario draws, counted from 0.
+        skill: The skill that is run.
+        taught: The demonstrations of each leaf of the skill.
+        scenario: The scenario as it was given.
+        demo: Number, from 0 over all leaves, of the demonstration whose start is used; it moves as the target
+            does.
+        episode: Number, from 0, of the one episode to run of those that the scenario draws.
 
     Raises:
         UsageError: A start is given twice, or there is no such demonstration or episode.
@@ -68,7 +66,7 @@ def _carried(taught: Taught) -> list[Demonstration]:
 
 
 def batch_of(skill: Skill, taught: Taught, scenario: Scenario) -> tuple[Scenario, FloatArray]:
-    """Return a scenario that says what is drawn, and the starts that it may draw from, shape (n, d)."""
+    """Return a scenario whose sampling is given, and the starts that it may draw from, shape (n, d)."""
     demonstrations = _carried(taught)
     starts = np.array([each.positions[0] for each in demonstrations]).reshape(-1, skill.dimension)
     reaches = [length(each.positions[-1] - each.positions[0]) for each in demonstrations]
@@ -76,48 +74,39 @@ def batch_of(skill: Skill, taught: Taught, scenario: Scenario) -> tuple[Scenario
 
 
 def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scenario:
-    """Return the scenario with something to draw, if it does not say what.
+    """Return the scenario with the default sampling, unless it has its own.
 
-    A cup is drawn on its board unless its place was given; the start is one of the demonstrations',
-    scattered, unless one was given.
+    The cup's place on its board is drawn unless it was given, and so is the start, near the start of a
+    demonstration.
 
     Args:
-        scenario: Of the batch.
-        starts: Where the demonstrations of the skill start, shape (n, d); n may be 0.
-        reach: Length of the shortest demonstration's way as the crow flies, [m].
+        scenario: The scenario of the batch.
+        starts: Starts of the skill's demonstrations, shape (n, d); n may be 0.
+        reach: Smallest distance from the start to the end of a demonstration, [m].
     """
     if scenario.sampling != Sampling():
         return scenario
-    places: tuple[Range | None, Range | None] = (None, None)
-    if _is_free(scenario.cup) and scenario.scene is not None:
-        places = _places(scenario.scene)
-    scatter = None
+    changes: dict[str, Any] = {}
+    cup, scene = scenario.cup, scenario.scene
+    if cup is not None and cup.position is None and scene is not None:
+        half = min(CUP_REACH, 0.5 * scene.width - CUP_CLEARANCE)
+        changes["cup_x_range"] = tuple(round(scene.x_range[0] + depth, 6) for depth in CUP_DEPTH)
+        changes["cup_y_range"] = (-half, half)
     if scenario.start is None and len(starts):
-        scatter = float(f"{min(START_SCATTER, START_SHARE * reach):.1g}")
-    sampling = Sampling(cup_x_range=places[0], cup_y_range=places[1], start_scatter=scatter)
-    return scenario.changed(sampling=sampling)
-
-
-def _is_free(cup: Cup | None) -> bool:
-    return cup is not None and cup.position is None
-
-
-def _places(scene: Shelf | Table) -> tuple[Range, Range]:
-    front, half = scene.x_range[0], min(CUP_REACH, 0.5 * scene.width - CUP_CLEARANCE)
-    near, far = (round(front + depth, 6) for depth in CUP_DEPTH)
-    return (near, far), (-half, half)
+        changes["start_scatter"] = float(f"{min(START_SCATTER, START_SHARE * reach):.1g}")
+    return scenario.changed(sampling=Sampling(**changes))
 
 
 def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
-    """Return the scenario of one episode: everything drawn, nothing left to draw.
+    """Return the scenario of one episode: all is drawn, and nothing is left to draw.
 
-    Every quantity has its own generator, made from (seed, episode, quantity): an episode is the same
-    whichever others are run, and the cups and starts are the same whether or not masses are drawn too.
+    Every quantity has its own generator, made from (seed, episode, quantity). So an episode does not depend
+    on which others are run, and the cups and starts do not depend on whether masses are drawn too.
 
     Args:
-        scenario: Of the batch.
+        scenario: The scenario of the batch.
         episode: Number of the episode, from 0.
-        starts: Where the demonstrations of the skill start, shape (n, d); needed for ``start_scatter``.
+        starts: Starts of the skill's demonstrations, shape (n, d); ``start_scatter`` needs them.
 
     Raises:
         UsageError: ``start_scatter``, and the skill carries no demonstrations; an episode below 0.
@@ -148,20 +137,18 @@ def _cup(cup: Cup, sampling: Sampling, place: np.random.Generator, body: np.rand
     x, y = cup.place
     position = _between(sampling.cup_x_range, x, place), _between(sampling.cup_y_range, y, place)
     boards = sampling.boards or (cup.board,)
-    return Cup(
-        **{
-            **cup.model_dump(),
-            "position": position,
-            "board": boards[int(place.random() * len(boards))],
-            "mass": _between(sampling.mass_range, cup.mass, body),
-            "friction": _between(sampling.friction_range, cup.friction, body),
-            "radius": _between(sampling.radius_range, cup.radius, body),
-        }
-    )
+    changes = {
+        "position": position,
+        "board": boards[int(place.random() * len(boards))],
+        "mass": _between(sampling.mass_range, cup.mass, body),
+        "friction": _between(sampling.friction_range, cup.friction, body),
+        "radius": _between(sampling.radius_range, cup.radius, body),
+    }
+    return cup.model_copy(update=changes)  # what is drawn lies in ranges that were checked
 
 
 def _between(ends: Range | None, otherwise: float, generator: np.random.Generator) -> float:
-    """Draw uniformly; a number is drawn in any case, so that what follows is the same."""
+    """Draw uniformly. A number is used up even without a range, so that later draws stay the same."""
     share = generator.random()
     return otherwise if ends is None else ends[0] + share * (ends[1] - ends[0])
 

@@ -1,9 +1,4 @@
-"""What happened in one simulated episode, and the figures that sum it up.
-
-An ``Episode`` holds the scenario it ran, the arm and placement chosen for it, the plan, a ``TimeSeries``
-with one row per control period (enough to draw every moment again: joints, fingers, cup), the
-``Metrics``, how it ended (``Outcome``), and for a failure what happened in words (``detail``).
-"""
+"""The record of one simulated episode, and its figures."""
 
 from __future__ import annotations
 
@@ -15,6 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
+from skillctl.model.skill import Skill
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL
 from skillctl.simulation.motion import Plan
@@ -44,14 +40,14 @@ Outcome: TypeAlias = Literal[
 
 The others are failures:
 
-- ``timeout``: the longest duration came first;
-- ``unreachable``: no joints for where the hand should be, for a quarter of a second, or from the outset;
+- ``timeout``: the longest duration was over;
+- ``unreachable``: there were no joints for the reference, for a quarter of a second or from the start;
 - ``joint_limit``: the same, with a joint at its limit;
 - ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite;
 - ``shelf_contact``: the arm touched the scene;
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
 - ``missed``: the cup was not between both fingers when they had closed;
-- ``dropped``: the cup was not up, or not held, at the end;
+- ``dropped``: the cup was not lifted far enough, or not held to the end;
 - ``start_collision``: the arm touches something where it starts.
 """
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
@@ -62,11 +58,33 @@ PHASES: tuple[Phase, ...] = get_args(Phase)
 
 
 class RefusedError(GoalNotReachedError):
-    """The episode cannot even begin; ``outcome`` is the class it counts under in a batch."""
+    """The episode cannot begin; ``outcome`` is its class of failure in a batch."""
 
     def __init__(self, outcome: Outcome, message: str, *, hint: str = "") -> None:
         super().__init__(message, hint=hint)
         self.outcome = outcome
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Setup:
+    """Everything an episode needs to begin.
+
+    Attributes:
+        skill: The skill, moved to its target.
+        arm, placement, hand, base_yaw: The choices of the scenario, or the automatic ones; base_yaw in [rad].
+        joints: Posture at the start, shape (n,), [rad].
+        plan: The ideal motion from there to the true target, undisturbed.
+        followable: Whether neighbouring joints exist all along the plan.
+    """
+
+    skill: Skill
+    arm: ArmModel
+    placement: Placement
+    hand: HandPolicy
+    base_yaw: float
+    joints: FloatArray
+    plan: Plan
+    followable: bool
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,18 +93,18 @@ class TimeSeries:
 
     Attributes:
         times: Shape (T,), [s].
-        reference: Where the hand was asked to be, shape (T, 3), [m].
-        hand: Where it was, shape (T, 3), [m].
+        reference: Positions asked of the hand, shape (T, 3), [m].
+        hand: Its measured positions, shape (T, 3), [m].
         joints, velocities, torques: Measured, shape (T, n), [rad], [rad/s], [Nm].
-        residuals: How far inverse kinematics missed the reference, shape (T,), [m].
+        residuals: Error of inverse kinematics, shape (T,), [m].
         parts: Part of a combined skill that acted, shape (T,).
         phases: Index in ``PHASES``, shape (T,).
-        targets: Where the true target was, shape (T, 3), [m]: with a cup its grasp point.
+        targets: True positions of the target, with a cup its grasp point, shape (T, 3), [m].
         fingers: Position of each finger joint, shape (T, m), [m].
         cups: Position and orientation q_xyzw of the cup's middle, shape (T, 7); NaN without a cup.
         contacts: Number of points at which the arm touched the scene (not the cup), shape (T,).
-        clearances: Distance of arm and scene where it was measured, every eighth row; at other rows, and
-            without a scene, NaN. Shape (T,), [m]. Distances above 0.2 m count as 0.2 m.
+        clearances: Distance of arm and scene, at most 0.2 m, in every eighth row; NaN in the others, and
+            without a scene. Shape (T,), [m].
     """
 
     times: FloatArray
@@ -107,28 +125,28 @@ class TimeSeries:
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The figures of one episode. NaN where there is none.
+    """The figures of one episode. A figure that does not exist is NaN.
 
-    Distances to the target, tracking, deviation and path length are those while the skill moves the hand,
-    which it does until a lift begins; the others are those of the whole episode.
+    Distances to the target, tracking, deviation and path length are measured until a lift begins, while the
+    skill moves the hand; the other figures are of the whole episode.
 
     Attributes:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
-        time_to_target: When the hand came within the tolerance, or near enough for the fingers to close, to
-            stay, [s]; NaN if it never did.
+        time_to_target: Time from which the hand stayed within the tolerance, or near enough for the fingers
+            to close, [s]; NaN if it did not.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
-        path_ratio: Length of the hand's path over that of the ideal rollout; NaN if there was no way to go.
+        path_ratio: Length of the hand's path over that of the ideal rollout; NaN if the latter is 0.
         clearance: Smallest distance of arm and scene, [m]; negative if they penetrated.
         joint_margin: Smallest distance of any joint to its limit, [rad].
         velocity_ratio, torque_ratio: Largest measured |q̇| and |τ| over the real arm's limits.
         joint_jump: Largest change of a joint in one control period, [rad].
         ik_residual: Largest inverse-kinematics residual, [m].
         ik_failures: Control periods whose residual was above 5 mm.
-        contacts: What touched what, each pair once, as in ``panda_hand - upper board``.
-        cup_moved: How far the cup was moved before the fingers closed, [m].
-        cup_rise: How far up it was at the end, [m].
+        contacts: Pairs that touched, each once, as in ``panda_hand - upper board``.
+        cup_moved: Distance by which the hand moved the cup before the fingers closed, [m].
+        cup_rise: Height of the cup above its start at the end, [m].
         grip_width: Distance of the fingers at the end, [m].
     """
 
@@ -158,33 +176,31 @@ class Episode:
     """One run of a skill on an arm.
 
     Attributes:
-        scenario: What was asked for.
+        scenario: The scenario as it was given.
+        setup: The arm, the placement and the plan with which it began.
         outcome: How it ended.
-        detail: For a failure, what happened, as the end of a sentence; empty for a success.
-        arm, hand, base_yaw, placement: What the scenario, or the automatic choice, came to.
-        target: Workspace position the motion was going to at its end, shape (3,), [m].
-        plan: The ideal rollout from the same start, undisturbed.
+        detail: What happened, for a failure, as the end of a sentence; else empty.
         series: The measured motion.
         metrics: The figures.
-        wall_seconds: What the simulation cost. The only thing here that differs between two runs.
+        wall_seconds: Time that the simulation took, [s]; only this differs between equal runs.
     """
 
     scenario: Scenario
+    setup: Setup
     outcome: Outcome
     detail: str
-    arm: ArmModel
-    hand: HandPolicy
-    base_yaw: float
-    placement: Placement
-    target: FloatArray
-    plan: Plan
     series: TimeSeries
     metrics: Metrics
     wall_seconds: float
 
     @property
+    def target(self) -> FloatArray:
+        """Workspace position of the target at the end, shape (3,), [m]."""
+        return np.asarray(self.series.targets[-1])
+
+    @property
     def success(self) -> bool:
-        """Whether the target was reached, or the cup grasped."""
+        """Whether the hand reached the target, or grasped the cup."""
         return self.outcome in SUCCESSES
 
 
@@ -194,11 +210,11 @@ def measure(
     """Return the figures of a motion (T ≥ 1 rows) that followed ``plan``.
 
     Args:
-        series: What was measured.
+        series: The measured motion.
         plan: The ideal rollout.
         model: The arm, for its limits.
-        tolerance: Distance to the target that counts as there, [m].
-        contacts: What touched what, in words.
+        tolerance: Distance to the target that counts as reached, [m].
+        contacts: Pairs that touched, in words.
     """
     by_skill = series.phases <= PHASES.index("close")
     hand = series.hand[by_skill]
@@ -209,7 +225,7 @@ def measure(
     planned_length = float(path_length(plan.positions))
     cup = series.cups[:, :3]
     open_hand = series.phases == PHASES.index("approach")
-    aside = (cup - series.targets)[open_hand]  # moves of the target are not the hand's doing
+    aside = (cup - series.targets)[open_hand]  # without the jumps of the target, which the hand did not cause
     return Metrics(
         final_error=float(distances[-1]),
         time_to_target=_arrival(distances, series.times[by_skill], tolerance),
@@ -246,14 +262,14 @@ def _arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> floa
 
 
 def spread_out(points: FloatArray, spacing: float) -> IntArray:
-    """Return which of the points (n, d) lie about ``spacing`` apart along their path, both ends included."""
+    """Return indices of points (n, d) about ``spacing`` apart along their path, with both ends."""
     way = arc_lengths(points)
     wanted = np.searchsorted(way, np.arange(0.0, way[-1], spacing))
     return np.unique([0, *wanted.tolist(), len(points) - 1])
 
 
 def thinned(points: FloatArray, spacing: float) -> FloatArray:
-    """Return the points (n, 3) that lie about ``spacing`` [m] apart along their path, both ends included."""
+    """Return those of the points (n, 3) that ``spread_out`` chooses, about ``spacing`` [m] apart."""
     return np.asarray(points[spread_out(points, spacing)])
 
 
@@ -262,7 +278,7 @@ def distances_to_path(points: FloatArray, path: FloatArray) -> FloatArray:
     starts, edges = path[:-1], np.diff(path, axis=0)
     if not len(edges):
         return np.asarray(np.linalg.norm(points - path[0], axis=1))
-    lengths = np.maximum((edges**2).sum(axis=1), np.finfo(np.float64).tiny)  # an edge may be a point
+    lengths = np.maximum((edges**2).sum(axis=1), np.finfo(np.float64).tiny)  # an edge may have no length
     nearest = np.empty(len(points))
     for i, point in enumerate(points):
         offset = point - starts

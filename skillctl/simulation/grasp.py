@@ -1,4 +1,4 @@
-"""At the cup: close the fingers, lift, hold, and say whether the cup came along."""
+"""Grasping: close the fingers at the cup, lift it, hold it, and judge whether that succeeded."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from skillctl.simulation.judge import Verdict
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import Contact
 
-TIPPED = math.cos(math.radians(20.0))  # of the angle between the cup's axis and the vertical
-FALLEN = 0.02  # [m] below where it stood: not on its board any more
-HOLD_RATE = 5.0  # [1/s], at which the lifted hand is drawn to where it should be
-FIRST_LOOK = 0.05  # [s]
-GEAR_FORCE, GEAR_ERP = 50.0, 0.1  # one motor drives both fingers of the real hand
+TIPPED = math.cos(math.radians(20.0))  # cosine of the angle between the cup's axis and the vertical
+FALLEN = 0.02  # [m]: a cup this far below its start has left its board
+HOLD_RATE = 5.0  # [1/s], at which the lifted hand returns to where it should be
+FIRST_LOOK = 0.05  # [s]: a cup lost this soon in the hold was lost in the lift
+GEAR_FORCE, GEAR_ERP = 50.0, 0.1  # of a gear, as one motor drives both fingers of the real hand
 
 
 def require_gripper(model: ArmModel, scenario: Scenario) -> None:
-    """Raise UsageError unless the arm has fingers that go round the scenario's cup, if it has one."""
+    """Raise UsageError unless the arm has fingers that fit around the scenario's cup, if there is one."""
     if scenario.cup is None:
         return
     if not model.fingers:
@@ -56,31 +56,25 @@ class Gripper:
 
     def close(self, force: float, speed: float) -> None:
         """Begin to close with ``force`` [N] and ``speed`` [m/s] a finger."""
-        arm = self._arm
+        body, bullet = self._arm.body, self._arm.bullet
+        motor = {"controlMode": bullet.POSITION_CONTROL, "force": force, "maxVelocity": speed}
         for joint in self._joints:
-            arm.bullet.setJointMotorControl2(
-                arm.body,
-                joint,
-                arm.bullet.POSITION_CONTROL,
-                targetPosition=0.0,
-                force=force,
-                maxVelocity=speed,
-            )
+            bullet.setJointMotorControl2(body, joint, targetPosition=0.0, **motor)
 
 
 class Grasping:
-    """Approach, close, lift, hold: which of them it is, and how the last two move the hand.
+    """The phases of a grasp, approach, close, lift and hold, and the motion of the last two.
 
     Attributes:
-        phase: The present one.
+        phase: The present phase.
         began: When it began, [s].
     """
 
     def __init__(
         self, scenario: Scenario, gripper: Gripper, cup: FloatArray, liftable: Callable[[], float]
     ) -> None:
-        """Args: scenario with a cup; gripper; pose (7,) of the cup at the start; how far up the hand can go
-        from where it is, at most the scenario's lift, [m].
+        """Args: scenario with a cup; gripper; pose (7,) of the cup at the start; function that returns how
+        far up the hand can go from where it is, at most the scenario's lift, [m].
         """
         self.phase: Phase = "approach"
         self.began = 0.0
@@ -91,11 +85,11 @@ class Grasping:
         self._toucher = ""
 
     def cup_moved(self, offset: FloatArray) -> None:
-        """Take note that the cup was put elsewhere, by ``offset`` (3,)."""
+        """Move the place where the cup should stand by ``offset`` (3,) [m]."""
         self._standing = self._standing + offset
 
     def proceed(self, time: float, distance: float) -> None:
-        """Go on to the next phase if it is time; ``distance`` is the hand's to its target, [m]."""
+        """Begin the next phase if it is due; ``distance`` is that of the hand to its target, [m]."""
         plan, elapsed = self._plan, time - self.began
         if self.phase == "approach" and distance < plan.distance:
             self._gripper.close(plan.force, plan.speed)
@@ -112,11 +106,11 @@ class Grasping:
     def velocity(self, time: float, reference: FloatArray) -> FloatArray | None:
         """Return the hand's velocity (3,) [m/s] in lift and hold; None while the skill moves it.
 
-        A compliant hand sags under its load, so where it should be by now counts as well.
+        A compliant hand sags under its load, so its position is corrected, too.
 
         Args:
-            time: Now, [s].
-            reference: Of the driver: where it takes the hand to be, shape (3,), [m].
+            time: The present time, [s].
+            reference: Where the arm's controller takes the hand to be, shape (3,), [m].
         """
         if self.phase in ("approach", "close"):
             return None
@@ -132,9 +126,9 @@ class Grasping:
         """Return how the grasp ended, None while it goes on.
 
         Args:
-            time: Now, [s].
+            time: The present time, [s].
             cup: Pose (7,) of the cup.
-            contacts: What the arm touches.
+            contacts: Contacts of the arm.
         """
         touching = {contact.link for contact in contacts if contact.thing == "cup"}
         if self.phase == "approach":

@@ -1,4 +1,4 @@
-"""Bullet's window: it is opened only where that is possible, and shows the motion in real time."""
+"""Bullet's window, which shows the motion in real time, where one can be opened."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HINT = "Leave --gui out; --picture and --video need no display."
 def require_window() -> None:
     """Return if a window can be opened here.
 
-    Where it cannot, Bullet's C code ends the process without an exception. So another process tries first.
+    Where none can be, Bullet's C code ends the process without an exception, so another process tries first.
 
     Raises:
         NotFoundError: There is no display, or PyBullet is not installed.
@@ -47,7 +47,7 @@ def open_window() -> None:
 
 
 class Pace:
-    """Holds a simulation back to real time."""
+    """A clock that slows a simulation down to real time."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter()

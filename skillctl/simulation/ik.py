@@ -1,4 +1,4 @@
-"""Inverse kinematics: Bullet's solver, with damping, clamping, checks and restarts that make it reliable."""
+"""Inverse kinematics: Bullet's solver, made reliable by damping, clamping, checks and restarts."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ STEP_ITERATIONS, SEARCH_ITERATIONS, SEARCH_RESEEDS, SEARCH_RESTARTS = 20, 100, 2
 IK_THRESHOLD = 1e-6  # Bullet's own stopping criterion
 ACCEPTED_RESIDUAL = 5e-3  # [m]; typical residuals are below 1e-4
 ACCEPTED_JUMP = 0.3  # [rad] in one step; typical steps are 0.004 to 0.025
-POSE_POSITION, POSE_ANGLE = 1e-4, math.radians(1.0)  # a searched pose is this exact, or not found
+POSE_POSITION, POSE_ANGLE = 1e-4, math.radians(1.0)  # tolerances of a searched pose
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Solution:
-    """Joints (n,) [rad] within the limits, and how far the hand then is from where it should be, [m].
+    """Joints (n,) [rad] within the limits, and the distance of the hand from the point asked for, [m].
 
-    ``accepted`` says whether the joints may be commanded.
+    ``accepted``: the joints may be commanded.
     """
 
     joints: FloatArray
@@ -35,7 +35,7 @@ class Solution:
 
 
 class Kinematics:
-    """Where the joints must be for the hand to be somewhere; computed on an arm that nothing else moves.
+    """The joints for a position of the hand, computed on an arm that nothing else moves.
 
     The hand's orientation follows from its position p, with ψ = yaw + s (azimuth(p) − yaw), yaw being
     the base's and s the arm's ``yaw_share``. ``horizontal``: approach axis (cos ψ cos θ, sin ψ cos θ,
@@ -44,7 +44,7 @@ class Kinematics:
     """
 
     def __init__(self, body: ArmBody, hand: HandPolicy, base_yaw: float) -> None:
-        """Args: body, used by nobody else; hand; base_yaw of the body, [rad]."""
+        """Args: body, which nothing else moves; hand; base_yaw of the body, [rad]."""
         self._body = body
         self.hand = hand
         self._base_yaw = base_yaw
@@ -53,7 +53,7 @@ class Kinematics:
         self.home = np.array(model.home_joints(HAND_PITCH[hand]))
         self._damping = [DAMPING] * (model.n_joints + len(model.others))
         self._columns = model.columns
-        if model.pitch_joint is None:  # how this arm holds its hand so is unknown
+        if model.pitch_joint is None:  # its home need not hold the hand as asked
             self.home = self._ready()
 
     def forward(self, joints: FloatArray) -> FloatArray:
@@ -62,7 +62,7 @@ class Kinematics:
         return self._body.hand()[0]
 
     def _ready(self) -> FloatArray:
-        """Return joints that hold the hand as asked: where it is when ready, else mid-workspace."""
+        """Return joints with the hand oriented as asked: at its home if possible, else mid-workspace."""
         x, y, z = self.model.reach_centre
         cosine, sine = math.cos(self._base_yaw), math.sin(self._base_yaw)
         middle = np.array([cosine * x - sine * y, sine * x + cosine * y, z])
@@ -94,10 +94,10 @@ class Kinematics:
             joints = solution.joints
 
     def search(self, point: FloatArray, seed: int) -> Solution:
-        """Return joints for a hand at ``point`` (3,) without knowing any near by: the reachability oracle.
+        """Return joints for a hand at ``point`` (3,), from no joints near by; this decides reachability.
 
-        Tries the ready posture, the same turned towards the point, then random postures drawn from
-        ``seed``. ``accepted`` if the pose is met within 0.1 mm and 1 degree; else the closest found.
+        It starts from the ready posture, from the same turned towards the point, then from random postures
+        drawn with ``seed``. A result within 0.1 mm and 1 degree is accepted; without one it is the closest.
         """
         generator = np.random.default_rng(seed)
         turned = self.home.copy()
@@ -127,9 +127,9 @@ class Kinematics:
         return Solution(joints, residual, False)
 
     def _solve(self, point: FloatArray, joints: FloatArray, iterations: int) -> FloatArray:
-        """Return clamped joints and leave the body in them."""
+        """Return clamped joints, in which the body is left."""
         body = self._body
-        body.pose(joints)  # Bullet starts from the body's state; its currentPositions= shifts the frame
+        body.pose(joints)  # the solver's start; its argument currentPositions shifts the frame
         orientation = self.orientation(point)
         target = (point.tolist(),) if orientation is None else (point.tolist(), orientation)
         angles = body.bullet.calculateInverseKinematics(

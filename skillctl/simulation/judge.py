@@ -1,4 +1,4 @@
-"""Whether a motion is over, and how it ended."""
+"""When a motion is over, and how it ended."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DIVERGED_FACTOR, DIVERGED_ROOM = 1.5, 0.05  # of the plan's largest distance to 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How an episode ended; ``detail``: for a failure what happened, as the end of a sentence."""
+    """How an episode ended; ``detail`` is the cause of a failure, as the end of a sentence."""
 
     outcome: Outcome
     detail: str = ""
@@ -30,11 +30,11 @@ class Judge:
     """Decides when a motion is over, and how it ended.
 
     Attributes:
-        farthest: Distance to every target at which the motion has diverged, [m].
+        farthest: Distance to the nearest target from which on the motion counts as diverged, [m].
     """
 
     def __init__(self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> None:
-        """Args: plan, which the motion should follow but for disturbances; scenario; control period, [s]."""
+        """Args: plan of the motion, without disturbances; scenario; control period, [s]."""
         distances = np.linalg.norm(plan.positions - plan.target, axis=1)
         planned = distances.max() if plan.arrived else distances[0]
         self.farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)

@@ -1,4 +1,4 @@
-"""The motion asked of the hand: a skill's velocity field in the workspace, at speeds an arm can follow."""
+"""The motion asked of the hand: a skill's velocity in the workspace, at speeds an arm can follow."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from skillctl.simulation.scenario import Scenario
 
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
-WORKSPACE_RADIUS = 3.0  # [m]: a plan that leaves it is a skill that diverges
-SLOWEST = 1e-12  # [m/s]: a cap has to be positive, also where the hand is at its target
+WORKSPACE_RADIUS = 3.0  # [m]: a plan that goes farther diverges
+SLOWEST = 1e-12  # [m/s]: a cap has to be positive, even with the hand at its target
 
 
 class Motion:
-    """Turns the perceived hand position into the hand's velocity, once per control period.
+    """The hand's velocity, from the perceived hand position, once per control period.
 
     The skill gives the direction; the speed is the skill's, reduced where it exceeds the speed cap, what
     the acceleration allows since the last step, or √(a · distance to the target), from which the hand
@@ -45,7 +45,7 @@ class Motion:
     def move(self, offset: FloatArray) -> None:
         """Move the skill in the workspace, all its targets with it, by ``offset`` (3,) [m].
 
-        To the skill this is a jump of the hand, so a latched one may select another part.
+        For the skill this is a jump of the hand, so a latched gate may select another part.
         """
         self._moved = self._moved + offset
         self._ends = self._ends + offset
@@ -79,24 +79,24 @@ class Motion:
         inner = self._controller.step(state, max_speed=max(limit / self._placement.scale, SLOWEST))
         velocity = self._placement.lift(inner, position)
         speed = length(velocity)
-        if speed > limit:  # only the way to a plane can add to the skill's own speed
+        if speed > limit:  # only the velocity towards a plane can add to the skill's own
             velocity *= limit / speed
         self._speed = min(speed, limit)
         return velocity
 
     def slowed(self, factor: float) -> None:
-        """Say that only this share of the last velocity was commanded."""
+        """Take into account that only this share of the last velocity was commanded."""
         self._speed *= factor
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plan:
-    """The ideal motion: what a hand that obeys at once would do.
+    """The ideal motion, of a hand that follows each velocity at once.
 
     Attributes:
-        positions: Every control period, shape (n, 3), [m].
-        target: Where it was going at its end, shape (3,).
-        arrived: Whether it got there within the longest time.
+        positions: One per control period, shape (n, 3), [m].
+        target: Its target at the end, shape (3,), [m].
+        arrived: Whether it reached the target within the longest time.
     """
 
     positions: FloatArray
@@ -117,7 +117,7 @@ def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: F
     arrived = False
     for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
         velocity = motion.velocity(position)
-        # The hand moves in the workspace, whatever the space of the skill is: this is no step of the skill.
+        # An Euler step in the workspace is right here, whatever the space of the skill is.
         position = position + CONTROL_PERIOD * velocity
         if not length(position) < WORKSPACE_RADIUS:
             break

@@ -1,4 +1,4 @@
-"""What a user may choose on the command line about a simulated run; a scenario file can say more."""
+"""The options of a simulated run on the command line; a scenario file has more."""
 
 from __future__ import annotations
 
@@ -73,54 +73,52 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class ScenarioOptions:
-    """What is changed of a scenario: fields of ``Scenario``; None and nothing leave them as they are."""
+    """Changes to the fields of a ``Scenario``; None and empty tuples change nothing."""
 
     arm: str | None = option(
-        metavar="|".join([*ARMS, "FILE.urdf"]),
-        group=PLACING,
-        help=f"{_titles()}, or the arm in a URDF file.",
+        metavar="|".join([*ARMS, "FILE.urdf"]), group=PLACING, help=f"{_titles()}, or the arm in a URDF file."
     )
     tip: str | None = option(
         metavar="LINK",
         group=PLACING,
-        help="Of an arm by file: the link that is its hand. Default: the last before it branches.",
+        help="Hand of an arm by file: one of its links. Default: the last before it branches.",
     )
     home: tuple[float, ...] | None = option(
         read=read_numbers,
         metavar="Q1,Q2,…",
         group=PLACING,
-        help="Of an arm by file: its ready posture, rad. Default: the middle of each joint's range.",
+        help="Ready posture of an arm by file, rad. Default: the middle of each joint's range.",
     )
     start: tuple[float, ...] | str | None = option(
         read=read_start,
         metavar="home|X,Y,Z",
         group=MOTION,
-        help="Start, in the skill's coordinates. Default: home, the ready posture of the arm; before a "
-        "shelf or table a place in front of it.",
+        help="Start, in the skill's coordinates. Default: home, the ready posture of the arm; in a scene, "
+        "a place in front of it.",
     )
     target: tuple[float, ...] | str | None = option(
         read=read_target,
         metavar="X,Y,Z|cup",
         group=MOTION,
-        help="Where the motion shall end, in the unit of the skill; cup: in the middle of the cup.",
+        help="Target of the motion, in the skill's coordinates; cup: the middle of the cup.",
     )
     max_speed: float | None = option(
         name="speed", metavar="M/S", group=MOTION, help="Largest speed of the hand. Default: 0.3."
     )
     control: Control | None = option(
         group=MOTION,
-        help="Stiff position motors (default), or torques at 1 kHz: then the hand yields to pushes.",
+        help="Stiff position motors (default), or torques at 1 kHz, with which the hand yields to pushes.",
     )
     max_duration: float | None = option(
-        metavar="S",
-        group=MOTION,
-        help="Longest simulated time. Default: from how long the skill takes.",
+        metavar="S", group=MOTION, help="Longest simulated time. Default: by the duration of the plan."
     )
-    plane: Plane | None = option(group=PLACING, help="Workspace plane of a 2-D skill. Default: by its names.")
+    plane: Plane | None = option(
+        group=PLACING, help="Workspace plane of a 2-D skill. Default: by its coordinate names."
+    )
     scale: float | None = option(
         metavar="F",
         group=PLACING,
-        help="Workspace metres per metre of the skill. Default: 1, or what makes a 2-D skill fit.",
+        help="Workspace metres per metre of the skill. Default: 1, or a scale with which a 2-D skill fits.",
     )
     origin: tuple[float, ...] | None = option(
         read=read_numbers,
@@ -130,16 +128,16 @@ class ScenarioOptions:
         "in front of the arm.",
     )
     hand: HandPolicy | None = option(
-        group=PLACING, help="How the hand is held. Default: the first that works."
+        group=PLACING, help="Orientation of the hand. Default: the first that works."
     )
     scene: Literal["none", "table", "shelf"] | None = option(
-        group=SCENE, help="What stands in front of the arm. Default: none."
+        group=SCENE, help="Furniture in front of the arm. Default: none."
     )
     cup: dict[str, Any] | None = option(
         read=read_cup,
         metavar="X,Y[,top|bottom]",
         group=SCENE,
-        help="Where the cup stands that is to be grasped, and on which board.",
+        help="Place of the cup to grasp, and its board.",
     )
     push: tuple[dict[str, Any], ...] = option(
         (),
@@ -147,7 +145,7 @@ class ScenarioOptions:
         repeated=True,
         metavar="T,DUR,FX,FY,FZ",
         group=TROUBLE,
-        help="Push the hand from time T on for DUR seconds, N. May be repeated, as the next two.",
+        help="Push the hand from time T for DUR seconds, N. This and the next two may be repeated.",
     )
     move_target: tuple[dict[str, Any], ...] = option(
         (),
@@ -163,25 +161,21 @@ class ScenarioOptions:
         repeated=True,
         metavar="T,DX,DY,DZ",
         group=TROUBLE,
-        help="Take the hand elsewhere at time T.",
+        help="Displace the hand at time T.",
     )
     noise: float | None = option(
-        metavar="M",
-        group=TROUBLE,
-        help="Standard deviation of the hand's position as the skill sees it.",
+        metavar="M", group=TROUBLE, help="Standard deviation of the measured position of the hand."
     )
     target_error: float | None = option(
-        metavar="M",
-        group=TROUBLE,
-        help="Standard deviation of the target's, or cup's, place as it is seen.",
+        metavar="M", group=TROUBLE, help="Standard deviation of the perceived place of the target or cup."
     )
     episodes: int | None = option(
         metavar="N",
         group=BATCH,
-        help="Run so many episodes. Unless a scenario says what differs between them: the place of the "
-        "cup, and the start, which is a demonstration's, scattered.",
+        help="Number of episodes. Unless a scenario says what is drawn, they differ in the place of the cup, "
+        "and in the start, which is near that of a demonstration.",
     )
-    seed: int | None = option(metavar="S", group=BATCH, help="Of everything that is drawn. Default: 0.")
+    seed: int | None = option(metavar="S", group=BATCH, help="Seed of all that is drawn. Default: 0.")
 
     def given(self) -> dict[str, Any]:
         """Return the fields of ``Scenario`` that are given, as ``scenario_file.overridden`` takes them."""

@@ -25,10 +25,14 @@ ColourBy: TypeAlias = Literal["outcome", "part"]
 
 COLUMNS, ROWS = 3, 2  # of a contact sheet
 TILE, OVERVIEW = (480, 400), (1200, 900)
-GUTTER, HEADER, LEGEND = 8, 52, 40
-SHARPNESS = 1.5  # stills are rendered this much larger than shown: smoother edges
+GUTTER, HEADER, LEGEND = 8, 52, 40  # pixels
+SHARPNESS = 1.5  # pictures are rendered this much larger than shown, for smooth edges
 INK, PAPER = (38, 44, 54), (255, 255, 255)
-TRAIL, PLAN, TARGET = (196, 16, 104), (84, 96, 112), (0, 122, 80)  # seen against white, blue and orange arms
+TRAIL, PLAN, TARGET = (
+    (196, 16, 104),
+    (84, 96, 112),
+    (0, 122, 80),
+)  # unlike all arms
 SUCCESS, FAILURE, REFUSAL = (24, 92, 180), (206, 44, 32), (190, 40, 30)
 PARTS: tuple[Colour, ...] = (
     (0, 114, 178),
@@ -37,31 +41,31 @@ PARTS: tuple[Colour, ...] = (
     (190, 80, 150),
     (146, 104, 0),
     (60, 60, 140),
-)  # told apart by people with any colour vision
-PALENESS = 0.6  # of an overview's cups: lines of the same colour can be seen before them
-NEIGHBOURHOOD = 0.15  # [m] around the motions: so much of the scene has to be in an overview
+)  # readers with any colour vision can distinguish these
+PALENESS = 0.6  # of the cups in an overview, so that lines of the same colour stand out
+NEIGHBOURHOOD = 0.15  # [m]: the scene this far around the motions has to be in an overview
 
-# From the motion to the camera, for a base that faces +x. Planes are seen unmirrored.
+# Directions from the motion to the camera, for a base that faces +x; planes are not mirrored.
 DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
     None: (0.75, -1.2, 0.55),
     "xy": (0.25, -1.1, 0.95),
     "xz": (0.15, -1.4, 0.35),
     "yz": (1.4, -0.45, 0.40),
 }
-SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm onto its boards
-OVERVIEW_DIRECTION = (-0.85, -1.00, 1.45)  # from higher up than one episode: many cups
+SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm, onto the boards
+OVERVIEW_DIRECTION = (-0.85, -1.00, 1.45)  # from above, because there are many cups
 
 
 def encode_picture(episode: Episode, *, title: str = "") -> bytes:
     """Return the contact sheet of an episode as a PNG file; equal episodes give equal bytes.
 
-    Solid line: where the hand was; dots: the ideal rollout; ring: the target. What lies behind a surface
-    is faint. Frames are equal parts of the way apart, not of the time.
+    The solid line is the path of the hand, the dots are the ideal rollout, the ring is the target. Parts
+    behind a surface are faint. Frames are at equal parts of the path, not of the time.
     """
     size = COLUMNS * (TILE[0] + GUTTER) + GUTTER, HEADER + ROWS * (TILE[1] + GUTTER)
     sheet = Image.new("RGB", size, PAPER)
     colour = INK if episode.success else REFUSAL
-    _draw_header(sheet, title or f"{episode.arm.name} arm", _verdict(episode), colour)
+    _draw_header(sheet, title or f"{episode.setup.arm.name} arm", _verdict(episode), colour)
     moments = _moments(episode)
     with silenced(1), Scenery(episode, moments, TILE) as scenery:
         for place, moment in enumerate(moments):
@@ -81,13 +85,13 @@ def encode_overview(
 ) -> bytes:
     """Return all episodes in one picture, as a PNG file; equal batches give equal bytes.
 
-    The arm stands where the first episode begins. Each line is the way of a hand up to its cup or target,
-    with a dot at its start; a cross ends the way of an episode that failed.
+    The arm has its posture at the start of the first episode. Each line is the path of a hand to its cup or
+    target, with a dot at its start, and a cross at its end if the episode failed.
 
     Args:
-        rows: The episodes; those that could not begin are counted, but not seen.
-        title: For the header.
-        verdict: For the header, too.
+        rows: The episodes; those that could not begin are counted, but not drawn.
+        title: Left text of the header.
+        verdict: Right text of the header.
         colour_by: ``outcome``: success blue, failure red; ``part``: by the part of a combined skill.
         parts: Names of the parts.
 
@@ -96,7 +100,7 @@ def encode_overview(
     """
     visible = [(row, row.trace) for row in rows if row.trace is not None]
     if not visible:
-        raise GoalNotReachedError("there is nothing to show: no episode could begin.")
+        raise GoalNotReachedError("there is nothing to draw: no episode could begin.")
     sheet = Image.new("RGB", (OVERVIEW[0] + 2 * GUTTER, HEADER + OVERVIEW[1] + LEGEND), PAPER)
     sheet.paste(_all_of(visible, colour_by), (GUTTER, HEADER))
     _draw_header(sheet, title, verdict, INK)
@@ -113,31 +117,31 @@ class Scenery(Stage):
         """Make the world.
 
         Args:
-            episode: What to show.
-            rows: Of its series, for which the whole arm has to be in the picture.
+            episode: The episode to show.
+            rows: Rows of its series at which the whole arm has to be in the picture.
             size: Width and height of the pictures.
             sharpness: How much larger than that they are rendered.
         """
-        scenario, series = episode.scenario, episode.series
-        super().__init__(episode.arm, episode.base_yaw, scenario.scene)
+        scenario, setup, series = episode.scenario, episode.setup, episode.series
+        super().__init__(setup.arm, setup.base_yaw, scenario.scene)
         self._episode, self._size = episode, size
         self._cup = None if scenario.cup is None else self.add_cup(scenario.cup)
         extents = []
         for row in rows:
             self._show_row(row)
             extents.append(self.arm_extent())
-        points = np.vstack([series.hand, episode.plan.positions, series.targets, self.corners, *extents])
-        towards = _direction(episode.placement.plane, episode.base_yaw)
+        points = np.vstack([series.hand, setup.plan.positions, series.targets, self.corners, *extents])
+        towards = _direction(setup.placement.plane, setup.base_yaw)
         if scenario.scene is not None:
             towards = np.array(SCENE_DIRECTION)
         self._camera = Camera(points, towards, *(round(sharpness * length) for length in size))
 
     def picture(self, row: int) -> Image.Image:
-        """Return one moment: the trail so far, the plan, the target as it was then, and words on it."""
+        """Return one moment: the trail so far, the plan, the target at that time, and a caption."""
         self._show_row(row)
         episode, series = self._episode, self._episode.series
         canvas = Canvas(self, self._camera, self._size)
-        canvas.dots(episode.plan.positions, PLAN, radius=0.9, spacing=7.0)
+        canvas.dots(episode.setup.plan.positions, PLAN, radius=0.9, spacing=7.0)
         canvas.line(series.hand[: row + 1], TRAIL, width=3.0)
         canvas.ring(series.targets[row], TARGET, radius=9.0)
         canvas.disc(series.hand[row], TRAIL, radius=4.0)
@@ -156,7 +160,7 @@ class Scenery(Stage):
 
 
 def _moments(episode: Episode) -> list[int]:
-    """Return the rows to show: at equal parts of the way, as the end of a motion is slow."""
+    """Return the rows to show, at equal parts of the path, as the end of a motion is slow."""
     way = arc_lengths(episode.series.hand)
     count = COLUMNS * ROWS
     inner = np.searchsorted(way, way[-1] * np.arange(1, count - 1) / (count - 1))
@@ -171,7 +175,7 @@ def _direction(plane: Plane | None, base_yaw: float) -> FloatArray:
 
 
 def _caption(episode: Episode, row: int) -> str:
-    """Return what is said about one moment."""
+    """Return the caption of one moment."""
     series = episode.series
     time, phase = f"{series.times[row]:.2f} s", PHASES[series.phases[row]]
     if phase != "approach":
@@ -180,7 +184,7 @@ def _caption(episode: Episode, row: int) -> str:
 
 
 def _verdict(episode: Episode) -> str:
-    """Return in a few words how an episode ended."""
+    """Return how an episode ended, in a few words."""
     metrics = episode.metrics
     missed = _length(metrics.final_error)
     match episode.outcome:
@@ -198,7 +202,7 @@ def _length(metres: float) -> str:
 
 
 def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
-    """Return the world with all episodes in it."""
+    """Return a picture of the world with all episodes in it."""
     scene, first = visible[0][0].scenario.scene, visible[0][1]
     with silenced(1), Stage(first.arm, first.base_yaw, scene) as stage:
         stage.show(first.joints, first.fingers)
@@ -249,7 +253,7 @@ def _draw_header(sheet: Image.Image, name: str, words: str, colour: Colour) -> N
 
 
 def _draw_legend(sheet: Image.Image, entries: Sequence[tuple[Colour, str]]) -> None:
-    """Write what the colours mean into the free bottom of a sheet."""
+    """Write the meaning of the colours into the free bottom of a sheet."""
     draw, font = ImageDraw.Draw(sheet), _font(16)
     x, middle = GUTTER + 12, sheet.height - LEGEND // 2
     large = Image.new("L", (12 * SUPERSAMPLING, 12 * SUPERSAMPLING))

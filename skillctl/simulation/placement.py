@@ -1,4 +1,4 @@
-"""Where a skill's states lie in the arm's workspace."""
+"""The placement of a skill's states in the arm's workspace."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Placement:
         axes: Workspace direction of each of the skill's coordinates, orthonormal. Shape (3, d).
         origin: Workspace position of ξ = 0. Shape (3,), [m].
         scale: Workspace metres per metre of the skill.
-        plane: Name of the plane of a 2-D skill, None for a 3-D one.
+        plane: Plane of a 2-D skill, None for a 3-D one.
     """
 
     axes: FloatArray
@@ -52,8 +52,8 @@ class Placement:
     def lift(self, velocity: FloatArray, position: FloatArray) -> FloatArray:
         """Return the hand's velocity (3,) for a skill's velocity (d,) at a workspace position (3,).
 
-        Outside the plane of a 2-D skill a velocity towards the plane is added, which depends on the
-        distance to the plane alone and decays exponentially: the skill's own convergence is untouched.
+        Outside the plane of a 2-D skill, a velocity towards the plane is added. It depends only on the
+        distance to the plane, which decays exponentially; the skill's own convergence is not changed.
         """
         if self.plane is None:
             return np.asarray(self.scale * self.axes @ velocity)
@@ -63,7 +63,7 @@ class Placement:
 
 
 def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placement]:
-    """Return where the skill may be placed, the best first; more than one only if the scale is free.
+    """Return the possible placements of a skill, the best first; there are several only if the scale is free.
 
     Raises:
         UsageError: The skill's states are not positions in two or three dimensions, in metres.
@@ -87,22 +87,24 @@ def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placem
         scales = [scenario.scale]
     else:
         scales = [factor * _natural_scale(float((high - low).max())) for factor in (1.0, 0.75, 0.5)]
-    return [_centred(skill, axes, 0.5 * (low + high), scale, plane, model, scenario) for scale in scales]
+    if scenario.target == "cup":
+        state, point = skill.attractors[0], cup_middle(scenario)
+    elif scenario.origin is not None:
+        state, point = np.zeros(2), np.array(scenario.origin)
+    else:
+        state, point = 0.5 * (low + high), _middle(plane, model, scenario)
+    return [Placement(axes, point - scale * axes @ state, scale, plane) for scale in scales]
 
 
 def _named_plane(skill: Skill) -> Plane:
-    match skill.space.names:
-        case ("x", "z"):
-            return "xz"
-        case ("y", "z"):
-            return "yz"
-    return "xy"
+    planes: dict[tuple[str, ...], Plane] = {("x", "z"): "xz", ("y", "z"): "yz"}
+    return planes.get(skill.space.names, "xy")
 
 
 def _natural_scale(size: float) -> float:
     if NATURAL_SIZES[0] <= size <= NATURAL_SIZES[1]:
         return 1.0
-    return float(f"{PLACED_SIZE / size:.2g}")  # two digits, so that people can repeat it
+    return float(f"{PLACED_SIZE / size:.2g}")  # two digits are easy to repeat by hand
 
 
 def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
@@ -118,23 +120,10 @@ def _box(skill: Skill, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     return box(np.vstack(points))
 
 
-def _centred(
-    skill: Skill,
-    axes: FloatArray,
-    centre: FloatArray,
-    scale: float,
-    plane: Plane,
-    model: ArmModel,
-    scenario: Scenario,
-) -> Placement:
-    if scenario.target == "cup":
-        goal = skill.attractors[0]
-        return Placement(axes, cup_middle(scenario) - scale * axes @ goal, scale, plane)
-    if scenario.origin is not None:
-        return Placement(axes, np.array(scenario.origin), scale, plane)
+def _middle(plane: Plane, model: ArmModel, scenario: Scenario) -> FloatArray:
+    """Return the workspace position (3,) around which a 2-D skill is centred, [m]."""
     middle = np.array(model.reach_centre)
     if plane == "xy":
-        middle[2] = (
-            TABLE_HEIGHT if scenario.scene is None else board_height(scenario.scene, "top") + TABLE_ROOM
-        )
-    return Placement(axes, middle - scale * axes @ centre, scale, plane)
+        scene = scenario.scene
+        middle[2] = TABLE_HEIGHT if scene is None else board_height(scene, "top") + TABLE_ROOM
+    return middle

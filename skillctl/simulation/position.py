@@ -1,4 +1,4 @@
-"""An arm with position motors: a reference moves as the skill says, and the motors follow its joints."""
+"""An arm with position motors: a reference moves with the skill's velocity, and the motors follow it."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody, LiveArm, Tracking
 from skillctl.simulation.ik import Kinematics
 
-FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference yields
+FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference moves towards it
 FEEDBACK_RATE = 3.0  # [1/s]
 POSITION_GAIN, VELOCITY_GAIN = 0.1, 1.0  # of Bullet's position motors; 0.03 to 0.6 track alike
 
 
 class Follower:
-    """Moves the reference, and the commanded joints with it, never faster than the joints can go.
+    """Moves the reference, and the commanded joints with it, within the velocity limits of the joints.
 
     Attributes:
-        tracking: Where the hand should be by now, and how well that was met.
+        tracking: Where the hand should be now, and the error of the joints found for it.
         joints: Commanded joints, shape (n,), [rad].
     """
 
     def __init__(self, kinematics: Kinematics, joints: FloatArray) -> None:
-        """Args: kinematics; joints: where the arm stands, shape (n,), [rad]."""
+        """Args: kinematics; joints of the arm, shape (n,), [rad]."""
         self._kinematics = kinematics
         self._largest_step = COMMANDED_SHARE * CONTROL_PERIOD * np.array(kinematics.model.max_velocity)
         self.restart(joints)
@@ -33,14 +33,14 @@ class Follower:
         self.tracking = Tracking(self._kinematics.forward(joints))
 
     def advance(self, velocity: FloatArray, hand: FloatArray) -> float:
-        """Move on for one period; return the share of the velocity (3,) that the joints allowed."""
+        """Advance by one period and return the share of the velocity (3,) that the joints allowed."""
         reference, _, refusals, _ = self.tracking
         gap = hand - reference
         if length(gap) > FEEDBACK_GAP:
             velocity = velocity + FEEDBACK_RATE * gap
         step = CONTROL_PERIOD * velocity
         solution = self._kinematics.follow(reference + step, self.joints)
-        if not solution.accepted:  # stand still; the reference goes on and may become reachable again
+        if not solution.accepted:  # the joints stop; the reference goes on and may become reachable again
             limiting = self._limiting(solution.joints)
             self.tracking = Tracking(reference + step, solution.residual, refusals + 1, limiting)
             return 1.0
@@ -58,16 +58,16 @@ class Follower:
 
 
 class PositionArm(LiveArm):
-    """An arm whose position motors hold against pushes; torques never exceed the real arm's.
+    """An arm whose position motors hold against pushes, with the torque limits of the real arm.
 
-    A position motor is a velocity constraint: a push of 40 to 60 N moves nothing at all, and one that is too
-    strong for a joint's torque carries the arm away. Only ``TorqueArm`` yields in proportion.
+    A position motor is a velocity constraint: a push of 40 to 60 N does not move the arm, and a push that
+    exceeds the torque of a joint carries it away. Only ``TorqueArm`` yields in proportion to a push.
     """
 
     period = CONTROL_PERIOD
 
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
-        """Args: body, moved by nobody else; joints: its start, (n,), [rad]; kinematics, of a twin."""
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
         self._follower = Follower(kinematics, joints)
         super().__init__(body, joints)
         n = body.model.n_joints
@@ -79,21 +79,21 @@ class PositionArm(LiveArm):
 
     @property
     def tracking(self) -> Tracking:
-        """How well the joints of the reference were found."""
+        """How well the joints follow the reference."""
         return self._follower.tracking
 
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
-        """Let one period pass, in which the hand shall move so: see ``LiveArm``."""
+        """Let one period pass: see ``LiveArm``."""
         joints = self._follower.joints
-        share = self._follower.advance(velocity, self.state().hand)
+        share = self._follower.advance(velocity, self.state.hand)
         self.turn(joints, self._follower.joints, push)
         return share
 
     def turn(self, joints: FloatArray, goal: FloatArray, push: FloatArray | None = None) -> None:
-        """Move from ``joints`` (n,), where the motors should be by now, to ``goal`` (n,) in one period.
+        """Move from ``joints`` (n,), where the motors should be now, to ``goal`` (n,) in one period.
 
-        A position motor adds its correction to the velocity it is told. Corrected towards the goal it
-        would run ahead by one period; corrected towards where it should be now, it arrives in time.
+        A position motor adds its correction to the commanded velocity. A correction towards the goal would
+        take it ahead by one period, so it is corrected towards ``joints``.
         """
         bullet = self.body.bullet
         bullet.setJointMotorControlArray(
@@ -107,6 +107,6 @@ class PositionArm(LiveArm):
         self._step(push)
 
     def place(self, joints: FloatArray) -> None:
-        """Put the joints (n,) [rad] elsewhere at once; the reference goes along."""
+        """Put the joints at these angles (n,) [rad], at rest, and the reference with them."""
         self._follower.restart(joints)
         super().place(joints)

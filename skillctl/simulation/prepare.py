@@ -1,10 +1,9 @@
-"""Before the first step: placement, hand, base, start posture and plan; refuses what cannot be reached."""
+"""The choices before an episode: placement, hand, base, posture at the start, and plan."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, retargeted
 from skillctl.simulation.arm import ArmBody
-from skillctl.simulation.arms import ArmModel
-from skillctl.simulation.episode import RefusedError
+from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.motion import Plan, plan_motion
@@ -25,42 +23,20 @@ from skillctl.simulation.urdf import find_arm
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
 TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
-REHEARSAL_RESIDUAL = 1e-3  # [m]: well within what is accepted on the way, so that tracking stays good
+REHEARSAL_RESIDUAL = 1e-3  # [m]: stricter than on the way, so that tracking stays good
 START_BEFORE, START_ABOVE = 0.10, 0.13  # [m], of a scene's front edge and lowest board
 REHEARSAL_STRIDE = 8  # control periods: at most 1 cm at the default speed
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Setup:
-    """Everything an episode needs to begin.
-
-    Attributes:
-        skill: The skill, moved to its target.
-        model, placement, hand, base_yaw: The choices made.
-        joints: Start posture, shape (n,), [rad].
-        plan: The ideal motion from there, to where the target truly is.
-        followable: Whether neighbouring joints exist all along the plan.
-    """
-
-    skill: Skill
-    model: ArmModel
-    placement: Placement
-    hand: HandPolicy
-    base_yaw: float
-    joints: FloatArray
-    plan: Plan
-    followable: bool
 
 
 def prepare(skill: Skill, scenario: Scenario) -> Setup:
     """Return the first placement and hand with which the arm can follow the whole plan.
 
-    If there is none, the first whose start and target can be reached: the episode then shows where the
-    plan cannot be followed.
+    If there is none, return the first whose start and target can be reached; the episode then shows where
+    the plan cannot be followed.
 
     Raises:
-        UsageError: Start or target of another dimension, a skill or an arm that cannot do what the scenario
-            asks for (see ``placements``, ``require_gripper``).
+        UsageError: Start or target of another dimension, or a skill or an arm that does not fit the scenario
+            (see ``placements``, ``require_gripper``).
         RefusedError: No choice lets the hand be both at the start and at the target.
     """
     model = find_arm(scenario.arm, scenario.tip, scenario.home)
@@ -71,7 +47,9 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
         skill = retargeted(skill, scenario.target)
     fallback: Setup | None = None
     for placement in placements(skill, model, scenario):
-        moved = _at_the_cup(skill, placement, scenario)
+        moved = skill
+        if scenario.target == "cup":
+            moved = retargeted(skill, placement.to_state(cup_middle(scenario)))
         base_yaw = _base_yaw(moved, placement, scenario)
         with ArmBody(model, base_yaw, shapes="none") as body:
             for hand in _hands(placement, scenario):
@@ -91,13 +69,6 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     return fallback
 
 
-def _at_the_cup(skill: Skill, placement: Placement, scenario: Scenario) -> Skill:
-    """Return the skill with its attractor in the middle of the cup, if that is the target."""
-    if scenario.target != "cup":
-        return skill
-    return retargeted(skill, placement.to_state(cup_middle(scenario)))
-
-
 def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
     if scenario.hand is not None:
         return (scenario.hand,)
@@ -107,7 +78,7 @@ def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
 
 
 def _base_yaw(skill: Skill, placement: Placement, scenario: Scenario) -> float:
-    """Return the yaw given, else 0 towards a scene, else that which faces the middle of all attractors."""
+    """Return the yaw of the scenario, else 0 in a scene, else the one that faces the attractors' mean."""
     if scenario.base_yaw is not None:
         return scenario.base_yaw
     if scenario.scene is not None:
@@ -128,7 +99,7 @@ def _start_and_plan(
 
 
 def _start(placement: Placement, scenario: Scenario) -> FloatArray | None:
-    """Return where the hand starts in the workspace, (3,); None: at the ready posture."""
+    """Return the workspace position (3,) of the start; None for the ready posture."""
     if scenario.start is not None:
         return placement.to_workspace(np.array(scenario.start))
     if scenario.scene is None:
@@ -151,7 +122,7 @@ def _required(name: str, point: FloatArray, solution: Solution, scenario: Scenar
 
 
 def _followable(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> bool:
-    """Whether neighbouring joints exist all along the plan, without dynamics."""
+    """Return whether neighbouring joints exist all along the plan, without dynamics."""
     rehearsed = [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]
     solutions = kinematics.along(rehearsed, joints)
     return all(solution.accepted and solution.residual < REHEARSAL_RESIDUAL for solution in solutions)

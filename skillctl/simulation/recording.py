@@ -1,4 +1,4 @@
-"""What an episode leaves for others: a log of plain numbers, as CSV or HDF5."""
+"""The record of an episode, row by row, and its log as CSV or HDF5."""
 
 from __future__ import annotations
 
@@ -7,18 +7,67 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.simulation.episode import PHASES, Episode
+from skillctl.simulation.arm import CONTROL_PERIOD, LiveArm
+from skillctl.simulation.episode import PHASES, Episode, Phase, TimeSeries
+from skillctl.simulation.scene import Contact, SceneBodies
 
 LogFormat: TypeAlias = Literal["csv", "h5"]
+CLEARANCE_ROWS = 8  # the distance to the scene is measured every so many rows
 LOG_ENDINGS: dict[str, LogFormat] = {".csv": "csv", ".h5": "h5", ".hdf5": "h5"}
 
 
+class Recorder:
+    """Keeps one row per control period of 1/240 s, also where the arm is controlled faster."""
+
+    def __init__(self, arm: LiveArm, scene: SceneBodies) -> None:
+        """Args: the arm; the scene it is in."""
+        self._arm, self._scene = arm, scene
+        self._fingers = [joint for joint, _ in arm.body.model.fingers]
+        self._rows: list[tuple[object, ...]] = []
+        self._touched: dict[str, None] = {}
+        self._last = -np.inf
+
+    @property
+    def touched(self) -> tuple[str, ...]:
+        """Each pair of an arm's link and a thing that it touched, once, in order of time."""
+        return tuple(self._touched)
+
+    def add(self, time: float, part: int, phase: Phase, target: FloatArray, contacts: list[Contact]) -> None:
+        """Add a moment; the arguments are those of ``TimeSeries``."""
+        for contact in contacts:
+            self._touched.setdefault(f"{contact.link} - {contact.thing}")
+        if time - self._last < CONTROL_PERIOD - 1e-9:
+            return
+        self._last = time
+        state, tracking = self._arm.state, self._arm.tracking
+        clearance = self._scene.clearance() if len(self._rows) % CLEARANCE_ROWS == 0 else np.nan
+        with_scene = sum(contact.thing != "cup" for contact in contacts)
+        self._rows.append(
+            (
+                *(time, tracking.reference, state.hand, state.joints, state.velocities, state.torques),
+                *(tracking.residual, part, PHASES.index(phase), target),
+                *(self._openings(), self._scene.cup_pose(), with_scene, clearance),
+            )
+        )
+
+    def _openings(self) -> FloatArray:
+        if not self._fingers:
+            return np.zeros(0)
+        states = self._arm.body.bullet.getJointStates(self._arm.body.body, self._fingers)
+        return np.array([state[0] for state in states])
+
+    def series(self) -> TimeSeries:
+        """Return all rows."""
+        return TimeSeries(*(np.array(column) for column in zip(*self._rows, strict=True)))
+
+
 def log_format(name: str) -> LogFormat:
-    """Return the format that a file's name asks for.
+    """Return the format of a log, which the ending of its name decides.
 
     Raises:
-        UsageError: None of them.
+        UsageError: Another ending.
     """
     for ending, kind in LOG_ENDINGS.items():
         if name.lower().endswith(ending):
@@ -29,15 +78,15 @@ def log_format(name: str) -> LogFormat:
 def encode_log(episode: Episode, kind: LogFormat = "csv") -> bytes:
     """Return the time series as a file. Equal episodes give equal bytes; every number reads back exactly.
 
-    Columns, n being the arm's joints and m its fingers: ``t`` [s]; ``ref_x ref_y ref_z`` where the hand was
-    asked to be [m]; ``hand_x hand_y hand_z`` where it was [m]; ``q1 … qn`` [rad], ``dq1 … dqn`` [rad/s] and
-    ``tau1 … taun`` [Nm], measured; ``ik_residual`` [m]; ``part``, the acting part of a combined skill, from
-    0; ``phase``: approach, close, lift or hold; ``target_x target_y target_z`` [m]; ``finger1 … fingerm``
-    [m]; with a cup ``cup_x cup_y cup_z`` [m] and ``cup_qx cup_qy cup_qz cup_qw``; with a scene ``contacts``,
-    at how many points the arm touched it, and ``clearance`` [m], nan where it was not measured. Positions
-    are in the frame in which the arm's base stands at the origin.
+    Columns, for n joints and m fingers of the arm: ``t`` [s]; ``ref_x ref_y ref_z``, the reference of the
+    hand [m]; ``hand_x hand_y hand_z``, its measured position [m]; ``q1 … qn`` [rad], ``dq1 … dqn`` [rad/s]
+    and ``tau1 … taun`` [Nm], measured; ``ik_residual`` [m]; ``part``, the acting part of a combined skill,
+    from 0; ``phase``: approach, close, lift or hold; ``target_x target_y target_z`` [m]; ``finger1 …
+    fingerm`` [m]; with a cup ``cup_x cup_y cup_z`` [m] and ``cup_qx cup_qy cup_qz cup_qw``; with a scene
+    ``contacts``, the number of points at which the arm touched it, and ``clearance`` [m], nan where it was
+    not measured. Positions are in the frame whose origin is the arm's base.
 
-    An HDF5 log has one dataset a column, of the same name and content; phases are ASCII.
+    An HDF5 log has one dataset per column, of the same name and content; phases are ASCII.
     """
     columns = _columns(episode)
     return _csv(columns) if kind == "csv" else _hdf5(columns)
@@ -83,5 +132,5 @@ def _hdf5(columns: dict[str, np.ndarray[Any, Any]]) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", libver="earliest") as log:
         for name, values in columns.items():
-            log.create_dataset(name, data=values, track_times=False)  # no clock: equal logs are equal bytes
+            log.create_dataset(name, data=values, track_times=False)  # a time would change the bytes
     return file.getvalue()

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
+from skillctl.progress import Progress
 from skillctl.simulation.arm import ArmBody, LiveArm
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
-from skillctl.simulation.episode import Episode, Phase, RefusedError, measure
+from skillctl.simulation.episode import Episode, Phase, RefusedError, Setup, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.ik import Kinematics, Solution
@@ -21,45 +21,44 @@ from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import Control
 from skillctl.simulation.position import PositionArm
-from skillctl.simulation.prepare import Setup, prepare
+from skillctl.simulation.prepare import prepare
+from skillctl.simulation.recording import Recorder
 from skillctl.simulation.scenario import MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
-from skillctl.simulation.series import Recorder
 from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
 PROGRESS_TIME = 0.1  # [s] between two reports
-LIFTED_STEP = 0.005  # [m]: a lift is tried on the twin in steps of this length
-DISPLACED_STEP = 0.01  # [m]: joints for a displaced hand are followed there in steps of this length
+LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
+DISPLACED_STEP = 0.01  # [m], in which inverse kinematics follows a displaced hand
 
 CONTROLLED: dict[Control, type[PositionArm] | type[TorqueArm]] = {
     "position": PositionArm,
     "torque": TorqueArm,
 }
-Progress = Callable[[float, float], None]  # simulated seconds so far, and the horizon
 
 
 def simulate(
     skill: Skill, scenario: Scenario, *, progress: Progress | None = None, gui: bool = False
 ) -> Episode:
-    """Return what happens when an arm moves its hand as the skill says, in simulation.
+    """Return the episode in which a simulated arm moves its hand with the velocity of a skill.
 
-    Every control period the skill is asked for the velocity at the *measured* hand position. Under
-    position control a reference moves with it, and the arm's position motors follow that. Equal arguments
-    give equal results, bit for bit, in any process on the same machine and build. A success shows that the
-    arm's workspace, speed and torque allow the motion, and that it touches nothing of the scene. It says
-    nothing about other obstacles, and the arm may pass through itself.
+    Every control period takes the skill's velocity at the *measured* hand position. Under position control
+    a reference moves with it, which the arm's position motors follow. Equal arguments give equal results,
+    bit for bit, in any process on the same machine and build. A success shows that the arm's workspace,
+    speed and torque allow the motion, and that it touches nothing of the scene. It does not show that the
+    arm avoids other obstacles, or itself.
 
     Args:
         skill: Any skill over hand positions in two or three dimensions.
         scenario: Arm, placement, scene, start, target, limits, disturbances.
-        progress: Called every tenth of a simulated second.
+        progress: Called every tenth of a simulated second, with milliseconds simulated and at most.
         gui: Show it in a window, in real time.
 
     Raises:
         NotFoundError: PyBullet is not installed, or no window can be opened.
-        UsageError: Start or target of another dimension, or a skill that has no place in a workspace.
-        RefusedError: Start or target lies where the arm's hand cannot be, or in the scene.
+        UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
+        RefusedError: The hand cannot be at the start or target, or touches the scene there.
     """
     began = time.perf_counter()
     if gui:
@@ -67,30 +66,25 @@ def simulate(
     with silenced(1):
         setup = prepare(skill, scenario)
         with (
-            ArmBody(setup.model, setup.base_yaw, shapes="none") as twin,
-            ArmBody(setup.model, setup.base_yaw, shapes="all" if gui else "collision", gui=gui) as body,
+            ArmBody(setup.arm, setup.base_yaw, shapes="none") as twin,
+            ArmBody(setup.arm, setup.base_yaw, shapes="all" if gui else "collision", gui=gui) as body,
         ):
             run = _Run(setup, scenario, twin, body)
             verdict = run.drive(progress, Pace() if gui else None)
     series = run.recorder.series()
     return Episode(
         scenario=scenario,
+        setup=setup,
         outcome=verdict.outcome,
         detail=verdict.detail,
-        arm=setup.model,
-        hand=setup.hand,
-        base_yaw=setup.base_yaw,
-        placement=setup.placement,
-        target=series.targets[-1],
-        plan=setup.plan,
         series=series,
-        metrics=measure(series, setup.plan, setup.model, _near(scenario), run.recorder.touched),
+        metrics=measure(series, setup.plan, setup.arm, _near(scenario), run.recorder.touched),
         wall_seconds=time.perf_counter() - began,
     )
 
 
 def _near(scenario: Scenario) -> float:
-    """Return the distance at which the hand is at its target, [m]; the skill stops when it has closed."""
+    """Return the distance at which the hand counts as at its target, [m], or near enough to grasp."""
     if scenario.cup is None:
         return scenario.tolerance
     return max(scenario.tolerance, scenario.grasp.distance)
@@ -120,7 +114,7 @@ class _Run:
         return self.grasping.phase if self.grasping else "approach"
 
     def _look(self) -> None:
-        """See where the target is, with a new error."""
+        """Perceive the target, with a new error."""
         seen_off = self.perception.read_target()
         self.motion.move(seen_off - self.seen_off)
         self.seen_off = seen_off
@@ -138,14 +132,14 @@ class _Run:
             if pace is not None:
                 pace.wait(now)
             if progress is not None and step % every == 0:
-                progress(now, horizon)
-        hand = self.arm.state().hand
+                progress("moving", round(1e3 * now), round(1e3 * horizon))
+        hand = self.arm.state.hand
         away = 1e3 * length(hand - self.motion.target(hand))
         return Verdict("timeout", f"the hand was {away:.0f} mm from its target after {horizon:.1f} s")
 
     def _step(self, now: float) -> Verdict | None:
-        """Look, judge, and let one period pass; return how the episode ended, None if it goes on."""
-        hand = self.arm.state().hand
+        """Measure, judge, and let one period pass; return how the episode ended, None if it goes on."""
+        hand = self.arm.state.hand
         contacts = self.scene.contacts()
         velocity = self.grasping.velocity(now, self.arm.tracking.reference) if self.grasping else None
         by_skill = velocity is None
@@ -177,7 +171,7 @@ class _Run:
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
 
     def _disturbed(self, now: float) -> Verdict | None:
-        """Let happen what is due; return a failure if the hand cannot be taken where it should."""
+        """Apply the jumps that are due; return a failure if the hand cannot be displaced so."""
         for event in self.schedule.due(now):
             offset = np.array(event.offset)
             if isinstance(event, MoveTarget):
@@ -187,16 +181,16 @@ class _Run:
                 self.motion.move(offset)
                 self._look()
             elif not self._displaced(offset):
-                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state().hand + offset))
+                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
-        """Take the hand elsewhere, by ``offset`` (3,); return False if it cannot be there."""
-        state = self.arm.state()
+        """Displace the hand by ``offset`` (3,), [m]; return False if it cannot be there."""
+        state = self.arm.state
         shares = np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]
         way = [state.hand + share * offset for share in shares]
-        standing = Solution(state.joints, 0.0, accepted=True)  # for a hand that is not moved at all
+        standing = Solution(state.joints, 0.0, accepted=True)  # in case the hand does not move
         *_, last = standing, *self.kinematics.along(way, state.joints)
         if last.accepted:
             self.arm.place(last.joints)
@@ -204,7 +198,7 @@ class _Run:
 
     def _liftable(self) -> float:
         """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
-        state, lift = self.arm.state(), self.scenario.grasp.lift
+        state, lift = self.arm.state, self.scenario.grasp.lift
         steps = math.ceil(lift / LIFTED_STEP)
         way = [state.hand + np.array([0.0, 0.0, lift * step / steps]) for step in range(1, steps + 1)]
         reached = sum(solution.accepted for solution in self.kinematics.along(way, state.joints))

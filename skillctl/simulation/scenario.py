@@ -1,7 +1,7 @@
-"""What to simulate, as data: arm, placement, scene, cup, target, limits, disturbances, noise.
+"""Scenarios: arm, placement, scene, cup, target, limits, disturbances and noise of a simulation, as data.
 
-A scenario is one frozen value. It is read from a TOML file, written on the command line, or made in
-Python, and checked in all three cases by the same rules. Its TOML form has the same names:
+A scenario is one frozen value. It comes from a TOML file, from the command line or from Python, and the same
+rules check it in all three cases. Its TOML form has the same names:
 
     arm = "panda"
     start = [0.40, 0.0, 0.55]
@@ -9,7 +9,7 @@ Python, and checked in all three cases by the same rules. Its TOML form has the 
     noise = 0.003
 
     [scene]
-    kind = "shelf"               # or "table"; left out: nothing but the arm
+    kind = "shelf"               # or "table"; left out: no scene
 
     [cup]
     position = [0.62, 0.10]
@@ -20,9 +20,9 @@ Python, and checked in all three cases by the same rules. Its TOML form has the 
     time = 0.8
     offset = [0.0, 0.08, 0.0]
 
-What is left out has the default given here. All lengths are in metres, times in seconds, angles in
-radians; positions are in the workspace frame, in which the arm's base stands at the origin, except
-``start`` and ``target``, which are in the skill's own coordinates.
+A key that is left out has the default given here. Lengths are in metres, times in seconds, angles in radians.
+Positions are in the workspace frame, whose origin is the arm's base, except ``start`` and ``target``, which
+are in the skill's own coordinates.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ PositiveRange: TypeAlias = tuple[Positive, Positive]
 
 
 class Part(BaseModel):
-    """Frozen; nothing unknown is accepted, so that a misspelt key is told and not ignored."""
+    """A frozen part of a scenario, in which an unknown key is an error, so that misspelt ones are found."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -66,13 +66,13 @@ class Part(BaseModel):
 
 
 class Shelf(Part):
-    """Two boards one above the other, and a panel behind them. The arm may touch none of it.
+    """Two boards one above the other, and a panel behind them. The arm must not touch any of them.
 
     Attributes:
         boards: Heights of the upper sides of the lower and the upper board, [m].
         x_range: Front and rear edge of the boards, [m].
-        width: Of the boards, symmetric about y = 0, [m].
-        thickness: Of boards, panel and walls, [m].
+        width: Width of the boards, symmetric about y = 0, [m].
+        thickness: Thickness of boards, panel and walls, [m].
         walls: Whether there are walls at the left and right ends, up to the top of the panel.
     """
 
@@ -85,13 +85,13 @@ class Shelf(Part):
 
 
 class Table(Part):
-    """One board on four legs. The arm may not touch it.
+    """One board on four legs. The arm must not touch it.
 
     Attributes:
-        height: Of its upper side, [m].
+        height: Height of its upper side, [m].
         x_range: Front and rear edge, [m].
-        width: Symmetric about y = 0, [m].
-        thickness: Of the board, [m].
+        width: Width, symmetric about y = 0, [m].
+        thickness: Thickness of the board, [m].
     """
 
     kind: Literal["table"] = "table"
@@ -105,14 +105,14 @@ Scene: TypeAlias = Annotated[Shelf | Table, Field(discriminator="kind")]
 
 
 class Cup(Part):
-    """A cup: seen as one, and for physics a solid upright cylinder.
+    """A cup, drawn as one, and for physics a solid upright cylinder.
 
     Attributes:
-        position: Where its axis stands, (x, y), [m]. None: (0.62, 0); in a batch it is drawn.
-        board: On which board of a shelf; a table has only one.
+        position: Place of its axis, (x, y), [m]. None: (0.62, 0); in a batch it is drawn.
+        board: The board of a shelf on which it stands; a table has only one.
         radius, height: [m].
         mass: [kg], evenly distributed.
-        friction: Coulomb's coefficient; what acts is its product with that of the other body (fingers: 1).
+        friction: Coulomb's coefficient, to be multiplied with that of the other body (fingers: 1).
     """
 
     position: Place | None = None
@@ -124,22 +124,22 @@ class Cup(Part):
 
     @property
     def place(self) -> Place:
-        """Where its axis stands, (x, y), [m]."""
+        """Place of its axis, (x, y), [m]."""
         return DEFAULT_PLACE if self.position is None else self.position
 
 
 class Grasp(Part):
-    """What the hand does when it has reached the cup.
+    """The motion of the hand when it has reached the cup.
 
     Attributes:
-        distance: From the grasp point at which the fingers begin to close, [m].
-        force: Of each finger, [N].
-        speed: Of each finger, [m/s].
-        close_time: From then to the lift, [s].
-        lift: How far the hand goes up, [m], with minimum jerk; less if the arm does not reach so far, but not
-            less than ``rise``.
-        lift_time, hold_time: Duration of the lift, and of standing still after it, [s].
-        rise: How far the cup has to be up all through the hold, [m].
+        distance: Distance from the grasp point at which the fingers begin to close, [m].
+        force: Force of each finger, [N].
+        speed: Speed of each finger, [m/s].
+        close_time: Time from then to the lift, [s].
+        lift: Height of the lift, [m], with minimum jerk; less if the arm does not reach so far, but not less
+            than ``rise``.
+        lift_time, hold_time: Duration of the lift, and of the hold after it, [s].
+        rise: Smallest height of the cup above its start during the hold, [m].
     """
 
     distance: Positive = 0.006
@@ -159,7 +159,7 @@ class Grasp(Part):
 
 
 class Push(Part):
-    """A force on the hand. Position motors hold against some 100 N; under torque control the hand yields."""
+    """A force on the hand, [N]. Position motors hold against some 100 N; torque control yields."""
 
     kind: Literal["push"] = "push"
     time: NotNegative
@@ -168,7 +168,7 @@ class Push(Part):
 
 
 class MoveTarget(Part):
-    """The target, and the cup if there is one, jumps by ``offset`` [m]; the skill's target goes along."""
+    """A jump of the target, and of the cup if there is one, by ``offset`` [m]."""
 
     kind: Literal["move-target"] = "move-target"
     time: NotNegative
@@ -176,7 +176,7 @@ class MoveTarget(Part):
 
 
 class Displace(Part):
-    """The hand jumps by ``offset`` [m], as if somebody had taken it there."""
+    """A jump of the hand by ``offset`` [m]."""
 
     kind: Literal["displace"] = "displace"
     time: NotNegative
@@ -187,18 +187,18 @@ Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace, Field(discrimin
 
 
 class Sampling(Part):
-    """What the episodes of a batch are drawn from, uniformly. None: as the scenario itself says.
+    """Ranges from which the episodes of a batch are drawn uniformly. None: the scenario's own value.
 
-    If nothing at all is said, a cup's place on its board is drawn (unless it was given) and the start is
-    one of the demonstrations', scattered (unless one was given).
+    If all are None, the cup's place on its board is drawn unless it was given, and so is the start, near that
+    of a demonstration.
 
     Attributes:
-        cup_x_range, cup_y_range: Of the cup's place, [m].
-        boards: Boards of a shelf, each as likely as the next.
-        start_x_range, start_y_range, start_z_range: Of the hand's start, [m]; all three or none.
-        start_scatter: Instead of a range: starts are those of the demonstrations that the skill carries,
-            one of them at random, and normally distributed around it with this standard deviation, [m].
-        mass_range, friction_range, radius_range: Of the cup.
+        cup_x_range, cup_y_range: Ranges of the cup's place, [m].
+        boards: Boards of a shelf, with equal probability.
+        start_x_range, start_y_range, start_z_range: Ranges of the hand's start, [m]; all three or none.
+        start_scatter: Instead of these: standard deviation, [m], of a normal distribution around the start
+            of one of the skill's demonstrations, which is drawn, too.
+        mass_range, friction_range, radius_range: Ranges of the cup's properties.
     """
 
     cup_x_range: Range | None = None
@@ -223,40 +223,39 @@ class Sampling(Part):
 
 
 class Scenario(Part):
-    """How a skill is put on an arm and run. None means: chosen automatically (see ``prepare``).
+    """Everything about a simulated run but the skill. None: chosen automatically (see ``prepare``).
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
-        tip, home: Of an arm by path, see ``find_arm``: the link that is its hand; its ready posture, [rad].
-        start: Where the motion begins, in the skill's own coordinates; None: the arm's ready posture, and
-            in a scene 10 cm before its front edge, 13 cm above the lowest board.
-        target: Where the skill's attractor is moved to: a point in the skill's own coordinates, or
-            ``cup``: the middle of the cup as it is perceived. None: not moved.
-        plane: Workspace plane of a 2-D skill; None: the one its coordinate names say.
+        tip, home: The hand of an arm by path, a link, and its ready posture, [rad] (see ``find_arm``).
+        start: Start of the motion, in the skill's own coordinates. None: the arm's ready posture; in a scene
+            10 cm before its front edge, 13 cm above the lowest board.
+        target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
+            as it is perceived. None: not moved.
+        plane: Workspace plane of a 2-D skill. None: by its coordinate names.
         scale: Workspace metres per metre of the skill. None: 1; a 2-D skill much smaller or larger than
-            the workspace is brought to 0.3 m.
+            the workspace is scaled to 0.3 m.
         origin: Workspace position of the skill's zero, [m]. None: 0 for a 3-D skill; a 2-D skill is
             centred in front of the arm.
         hand: Orientation of the hand (see ``Kinematics``). None: the first of horizontal, down and free
             (in the xy plane down, horizontal, free) with which the arm can follow the whole plan within 1 mm.
-        base_yaw: How far the arm's base is turned about the vertical, [rad]. None: 0 in a scene, else to
-            the multiple of a quarter turn that faces the target.
+        base_yaw: Turn of the arm's base about the vertical, [rad]. None: 0 in a scene, else the multiple of
+            a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
-        max_speed, max_acceleration: Of the hand, [m/s] and [m/s²].
+        max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
         tolerance: Distance to the target that counts as reached, [m].
-        settle_time: How long the hand must stay within the tolerance, [s].
-        max_duration: Longest simulated time, [s]. None: from how long the skill itself takes.
-        noise: Standard deviation of the hand's measured position as the skill sees it, per coordinate, [m].
-        target_error: Standard deviation of the perceived target, per horizontal coordinate, [m]; drawn at
-            the start, and again when the target moves. The skill, and ``tolerance``, know no other target.
-        seed: Of noise, target error, sampling, and the random postures tried in searches.
-        scene: What stands in front of the arm. None: nothing.
-        cup: The cup, which the hand grasps and lifts when it is at its target. None: none, unless the
-            target is the cup.
-        grasp: How the hand does that.
-        disturbances: What interferes, and when.
-        episodes: How many episodes a batch has.
-        sampling: What they are drawn from.
+        settle_time: Time for which the hand must stay within the tolerance, [s].
+        max_duration: Longest simulated time, [s]. None: by the duration of the plan.
+        noise: Standard deviation of the measured position of the hand, per coordinate, [m].
+        target_error: Standard deviation of the perceived target, per horizontal coordinate, [m]; it is drawn
+            at the start, and again when the target moves. Skill and ``tolerance`` use the perceived target.
+        seed: Seed of noise, target error, sampling, and the random postures tried in searches.
+        scene: The furniture in front of the arm. None: nothing.
+        cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
+        grasp: How the hand grasps and lifts.
+        disturbances: Pushes and jumps, with their times.
+        episodes: Number of episodes of a batch.
+        sampling: Ranges from which these are drawn.
     """
 
     arm: Annotated[str, Field(strict=True)] = "panda"
@@ -291,7 +290,7 @@ class Scenario(Part):
             """Check all values.
 
             Raises:
-                UsageError: A value that means nothing; the sentence names it and what was expected.
+                UsageError: A value is not valid; the message names it and what was expected.
             """
             try:
                 super().__init__(**values)
@@ -322,14 +321,14 @@ class Scenario(Part):
 
     @property
     def grasping(self) -> bool:
-        """Whether the hand closes at its target and lifts: it does if there is a cup."""
+        """Whether the hand grasps and lifts a cup at its target."""
         return self.cup is not None
 
     def changed(self, **values: Any) -> Scenario:
-        """Return this scenario with some values changed, checked as any.
+        """Return this scenario with some values changed, and checked.
 
         Raises:
-            UsageError: A value that means nothing.
+            UsageError: A value is not valid.
         """
         return Scenario(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
 

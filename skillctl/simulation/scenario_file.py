@@ -1,4 +1,4 @@
-"""Scenarios as TOML: read from a file, changed by what was typed, written so that they read back the same."""
+"""Scenarios as TOML: read from a file, changed by options, and written."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def read_scenario(path: Path) -> Scenario:
 
     Raises:
         NotFoundError: There is no such file.
-        InputDataError: It is not TOML, or a key is unknown, missing or means nothing; names file and key.
+        InputDataError: It is not TOML, or a key is unknown, missing or has a bad value; names file and key.
     """
     document = read_toml(path, "scenario", HINT)
     try:
@@ -33,13 +33,13 @@ def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
     """Return a scenario changed by single values.
 
     Args:
-        scenario: To begin with.
+        scenario: The scenario to change.
         given: Fields of ``Scenario`` and their values. A ``scene`` is given by its kind, or ``none``, and
-            keeps its measures if it is of that kind already; of a ``cup`` only what is given changes;
-            ``disturbances`` are added to those there.
+            keeps its measures if it is of that kind already; a ``cup`` keeps what is not given;
+            ``disturbances`` are added to those of the scenario.
 
     Raises:
-        UsageError: The result means nothing.
+        UsageError: The result is not a valid scenario.
     """
     changes = dict(given)
     kind = changes.pop("scene", None)
@@ -57,29 +57,20 @@ def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
 
 
 def to_toml(scenario: Scenario) -> str:
-    """Return a scenario as TOML with every key that has a value; it reads back as an equal scenario."""
+    """Return a scenario as TOML with every key that has a value; reading it gives an equal scenario."""
     values = scenario.model_dump(exclude_none=True)
-    disturbances: Sequence[Mapping[str, Any]] = values.pop("disturbances")
-    tables = {key: value for key, value in values.items() if isinstance(value, dict)}
-    parts = [HEADING, *(_line(key, value) for key, value in values.items() if key not in tables)]
-    for key, table in tables.items():
-        if table:
-            parts += [f"\n[{key}]\n", *(_line(name, value) for name, value in table.items())]
-    for event in disturbances:
-        parts += ["\n[[disturbances]]\n", *(_line(name, value) for name, value in event.items())]
-    return "".join(parts)
+    events: Sequence[Mapping[str, Any]] = values.pop("disturbances")
+    tables = [(f"[{key}]", values.pop(key)) for key in list(values) if isinstance(values[key], dict)]
+    tables += [("[[disturbances]]", event) for event in events]
+    parts = [f"{HEADING}{_lines(values)}"]
+    parts += [f"{heading}\n{_lines(table)}" for heading, table in tables if table]
+    return "\n".join(parts)
 
 
-def _line(key: str, value: Any) -> str:
-    return f"{key} = {_value(value)}\n"
+def _lines(values: Mapping[str, Any]) -> str:
+    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        # JSON's escapes are TOML's but for DEL, which TOML wants escaped, and surrogates, which it lacks.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    return repr(value)
+    # JSON writes texts, finite numbers, booleans and lists as TOML does, except for DEL, which TOML escapes.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""What stands in front of the arm: the boxes of a shelf or table, and the cup; and what touches what."""
+"""The furniture in front of the arm, made of boxes, and the cup; and the contacts of the arm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillctl.simulation.options import Board
 from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 
 PANEL_GAP = 0.01  # [m] between a shelf's boards and the panel behind them
-SHELF_ROOM = 0.35  # [m]: panel and walls rise so far above the upper board
+SHELF_ROOM = 0.35  # [m], from the upper board to the top of panel and walls
 CONTACT_FORCE, CONTACT_DEPTH = 1e-3, 5e-4  # [N], [m]: more than either is a contact
 CLEARANCE_RANGE = 0.2  # [m]: distances beyond are not measured
 NO_CUP = np.full(7, np.nan)
@@ -28,7 +28,7 @@ class Box:
 
 
 def boxes(scene: Shelf | Table | None) -> tuple[Box, ...]:
-    """Return what a scene is made of, in the workspace frame."""
+    """Return the boxes of a scene, in the workspace frame."""
     if scene is None:
         return ()
     (front, back), half = scene.x_range, 0.5 * scene.width
@@ -59,7 +59,7 @@ def board_height(scene: Shelf | Table, board: Board) -> float:
 
 
 def cup_middle(scenario: Scenario) -> FloatArray:
-    """Return the middle of the scenario's cup, which is where it is grasped. Shape (3,), [m].
+    """Return the middle of the scenario's cup, its grasp point. Shape (3,), [m].
 
     Raises:
         ValueError: There is no cup.
@@ -79,10 +79,10 @@ class Contact:
 
 
 class SceneBodies:
-    """The scene and the cup as bodies in an arm's world; nothing of it can be seen, only touched."""
+    """The scene and the cup as bodies in an arm's world, for contacts only; they are not visible."""
 
     def __init__(self, arm: ArmBody, scenario: Scenario) -> None:
-        """Args: the arm whose world it is; the scenario."""
+        """Args: the arm, in its world; the scenario."""
         self._arm = arm
         self._names = {self._add_box(box): box.name for box in boxes(scenario.scene)}
         self.cup: int | None = None
@@ -98,7 +98,7 @@ class SceneBodies:
         return np.array([*position, *orientation])
 
     def move_cup(self, offset: FloatArray) -> None:
-        """Put the cup elsewhere, by ``offset`` (3,) [m], upright and at rest; without a cup do nothing."""
+        """Move the cup by ``offset`` (3,) [m], upright and at rest; without a cup do nothing."""
         if self.cup is None:
             return
         position = self.cup_pose()[:3] + offset
@@ -106,7 +106,7 @@ class SceneBodies:
         self._arm.bullet.resetBasePositionAndOrientation(self.cup, position.tolist(), upright)
 
     def contacts(self) -> list[Contact]:
-        """Return where the arm touches the scene or the cup, one entry per contact point."""
+        """Return the contacts of the arm with the scene or the cup, one per contact point."""
         if not self._names:
             return []
         points = self._arm.bullet.getContactPoints(bodyA=self._arm.body)
@@ -117,7 +117,7 @@ class SceneBodies:
         ]
 
     def contacts_now(self) -> list[Contact]:
-        """Return the contacts before any time has passed: no forces yet, but depths."""
+        """Return the contacts before any time has passed; these have depths, but no forces yet."""
         self._arm.bullet.performCollisionDetection()
         return self.contacts()
 

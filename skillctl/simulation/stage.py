@@ -1,4 +1,4 @@
-"""What a picture shows: an arm on a floor, its scene and cups, posed as an episode says."""
+"""The contents of a picture: an arm on a floor, its scene, and cups."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ CUP_FOOT, CUP_RIM, CUP_FLOOR = 0.84, 0.88, 0.06  # radius below, radius inside, 
 
 
 class Stage(ArmBody):
-    """A world to be looked at: nothing moves in it but what is posed.
+    """A world for pictures, without physics.
 
     Attributes:
         floor: Bullet's number of the floor.
-        corners: Of everything in the scene, shape (n, 3), [m].
+        corners: Corners of all boxes of the scene, shape (n, 3), [m].
     """
 
     def __init__(self, model: ArmModel, base_yaw: float, scene: Shelf | Table | None) -> None:
-        """Args: the arm; its base's turn about the vertical, [rad]; what stands in front of it."""
+        """Args: the arm; turn of its base about the vertical, [rad]; the scene."""
         super().__init__(model, base_yaw)
         size = np.array([FLOOR_SIZE, FLOOR_SIZE, 0.0])
         self.floor = self._add_box(Box("floor", -size - (0, 0, 0.02), size), FLOOR)
@@ -47,7 +47,7 @@ class Stage(ArmBody):
             self.corners = np.vstack([self.corners, _corners(box)])
 
     def add_cup(self, cup: Cup, colour: Tint = CUP_COLOUR) -> int:
-        """Add a cup, and return the number by which it is moved."""
+        """Add a cup, and return Bullet's number of it."""
         vertices, normals, indices = (part.tolist() for part in _cup_mesh(cup.radius, cup.height))
         mesh = {"vertices": vertices, "normals": normals, "indices": indices}
         return self._add(self.bullet.GEOM_MESH, colour, (0.0, 0.0, 0.0), mesh)
@@ -63,7 +63,7 @@ class Stage(ArmBody):
             self.bullet.resetJointState(self.body, joint, place)
 
     def arm_extent(self) -> FloatArray:
-        """Return points (m, 3) around the arm as it is posed."""
+        """Return points (m, 3) around the arm in its present posture."""
         links = np.vstack([self.links(), np.zeros(3)])
         return np.vstack([links - ARM_RADIUS, links + ARM_RADIUS])
 
@@ -90,7 +90,7 @@ def _cup_mesh(radius: float, height: float) -> tuple[FloatArray, FloatArray, Int
     turn = math.tau * np.arange(CUP_SIDES) / CUP_SIDES
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     vertices, normals, indices = [], [], []
-    for i in range(len(profile) - 1):  # each band has its own normals, so that edges stay sharp
+    for i in range(len(profile) - 1):  # each band has its own normals, for sharp edges
         out, up = heights[i + 1] - heights[i], profile[i] - profile[i + 1]
         for j in (i, i + 1):
             vertices.append(np.column_stack([profile[j] * ring, np.full(CUP_SIDES, heights[j])]))
@@ -102,9 +102,9 @@ def _cup_mesh(radius: float, height: float) -> tuple[FloatArray, FloatArray, Int
 
 
 def _supports(parts: Sequence[Box]) -> list[Box]:
-    """Return what holds the parts of a scene up in a picture: posts behind a panel, legs under a table.
+    """Return the supports of a scene in a picture: posts behind a panel, legs under a table.
 
-    Nothing can touch them. They stand where the arm does not get, so that they hide nothing.
+    They are only drawn, out of the arm's reach, where they hide nothing.
     """
     if not parts:
         return []

@@ -1,4 +1,4 @@
-"""What many episodes show together: how often they succeed, how sure that is, and why others fail."""
+"""Statistics of many episodes: how often they succeed, how certain that is, and why others fail."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ CUP_COLUMNS = ("cup_x", "cup_y", "cup_radius", "cup_mass", "cup_friction")
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the score interval of a probability of which ``successes`` of ``trials`` were seen.
+    """Return Wilson's score interval of a probability, for ``successes`` in ``trials``.
 
-    (p̂ + z²/2n ± z √(p̂(1−p̂)/n + z²/4n²)) / (1 + z²/n): all probabilities under which what was seen is
-    within z standard deviations. It never leaves [0, 1] and means something at 0 of n and n of n, where
-    p̂ ± z·SE has no width. It assumes independent trials of equal probability: drawn episodes, not chosen.
+    (p̂ + z²/2n ± z √(p̂(1−p̂)/n + z²/4n²)) / (1 + z²/n): all probabilities for which p̂ is within z standard
+    deviations. It stays in [0, 1] and has a width also at 0 of n and n of n, where p̂ ± z·SE has none. It
+    assumes independent trials of equal probability, such as drawn episodes.
 
     Returns:
         Lower and upper end. (0, 1) for no trials.
@@ -40,12 +40,12 @@ def wilson_interval(successes: int, trials: int, confidence: float = CONFIDENCE)
     middle = share + weight / 2
     half = math.sqrt(weight * share * (1 - share) + weight**2 / 4)
     low, high = (middle - half) / (1 + weight), (middle + half) / (1 + weight)
-    # At the ends one limit is exactly 0 or 1; rounding must not put it a digit beside.
+    # At 0 of n and n of n one end is exactly 0 or 1, which rounding would miss.
     return (low if successes else 0.0), (high if successes < trials else 1.0)
 
 
 def failures(rows: Sequence[Row]) -> dict[BatchOutcome, int]:
-    """Return how many episodes failed in which way, in the order of ``BATCH_OUTCOMES``; no zeros."""
+    """Return the number of failed episodes by class, without zeros, in the order of ``BATCH_OUTCOMES``."""
     counts = Counter(row.outcome for row in rows)
     return {kind: counts[kind] for kind in BATCH_OUTCOMES if counts[kind] and kind not in SUCCESSES}
 
@@ -66,11 +66,10 @@ def medians(rows: Sequence[Row]) -> dict[str, float]:
 def encode_rows(rows: Sequence[Row]) -> bytes:
     """Return episodes as a CSV file. Equal batches give equal bytes; every number reads back exactly.
 
-    Columns: ``episode``, from 0; ``outcome``; ``success``, 0 or 1; ``seed``; ``start`` and ``target`` as
-    they were given, in the skill's own coordinates; ``cup_x cup_y cup_radius cup_mass cup_friction``;
-    ``part``, the acting part of a combined skill, from 0; then the metrics of an episode under their
-    names, in SI units; ``detail``. What does not exist is empty; a cell may hold numbers separated by
-    spaces.
+    Columns: ``episode``, from 0; ``outcome``; ``success``, 0 or 1; ``seed``; ``start`` and ``target`` of the
+    scenario, in the skill's own coordinates; ``cup_x cup_y cup_radius cup_mass cup_friction``; ``part``, the
+    acting part of a combined skill, from 0; the metrics of an episode under their names, in SI units;
+    ``detail``. A value that does not exist is empty; several numbers in a cell are separated by spaces.
     """
     names = [field.name for field in fields(Metrics)]
     file = io.StringIO()

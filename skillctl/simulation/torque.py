@@ -1,4 +1,4 @@
-"""A compliant arm: joint torques make the hand a damper that moves as the skill says."""
+"""A compliant arm: its joint torques make the hand a damper around the skill's velocity."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ TORQUE_PERIOD = 1e-3  # [s], of the fastest real arm controllers
 DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks for
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
-# Of J Jᵀ. An arm below it counts as stretched: it is asked for no infinite velocity, and its posture helps
-# it out. With a third of it an xArm6 pushed by 80 N stays folded over; with three times as much the posture
-# moves a resting hand by some mm.
+# Of J Jᵀ, tuned by hand: below it J is damped, so that a stretched arm gets finite velocities and its posture
+# pulls it back. With a third of it, an xArm6 that 80 N have folded over stays so; with three times as much,
+# the posture moves a resting hand by some millimetres.
 SINGULARITY = 3e-4
 
 
 class TorqueArm(LiveArm):
-    r"""An arm whose hand yields to a push in proportion, and then goes on as the skill says.
+    r"""An arm whose hand yields in proportion to a push, and then goes on with the skill's velocity.
 
         τ = Jᵀ [D (f − v); K e − D_r ω] + N [K_p (q₀ − q) − D_p q̇] + c(q, q̇)
 
     f is the velocity asked for, v and ω are the hand's, e is the rotation to the orientation wanted where the
     hand is, N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the ready posture, c are gravity and Coriolis torques; each
     torque is cut to its limit. v, ω, q and q̇ are those at the *end* of the period, predicted with the arm's
-    mass matrix: with those at its beginning, a wrist as light as an xArm's shakes itself apart.
+    mass matrix: with those at its beginning, a wrist as light as an xArm's becomes unstable.
 
-    Nothing pulls the hand to where it was before a push: it goes on from where it is, along the skill's own
-    path from there. There is no integral term either: a load shifts where the hand comes to rest.
+    After a push the hand does not return to its earlier path: it follows the skill's path from where it is.
+    There is no integral term either, so a load shifts the place where the hand comes to rest.
 
     References:
         Kronander and Billard, Passive interaction control with dynamical systems, IEEE Robotics and
@@ -40,7 +40,7 @@ class TorqueArm(LiveArm):
     period = TORQUE_PERIOD
 
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
-        """Args: body, moved by nobody else; joints: its start, (n,), [rad]; kinematics, of the hand."""
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
         super().__init__(body, joints)
         bullet, model = body.bullet, body.model
         self._kinematics = kinematics
@@ -54,22 +54,22 @@ class TorqueArm(LiveArm):
         self._zeros = [0.0] * len(places)
         self._limits = np.array(model.max_torque)
         inertial = bullet.getLinkState(body.body, model.tip)[2:4]
-        self._tip = bullet.invertTransform(*inertial)[0]  # Bullet counts from the link's centre of mass
+        self._tip = bullet.invertTransform(*inertial)[0]  # Bullet measures from the link's centre of mass
         for joint in model.indices:
-            # Real arms compensate the friction of their joints; Bullet's, being explicit, shakes light ones.
+            # Real arms compensate the friction of their joints; Bullet's is explicit and shakes light joints.
             bullet.changeDynamics(body.body, joint, jointDamping=0.0)
-        bullet.setJointMotorControlArray(  # a joint brakes until it is told not to
+        bullet.setJointMotorControlArray(  # by default a motor brakes its joint
             body.body, body.indices, bullet.VELOCITY_CONTROL, forces=[0.0] * model.n_joints
         )
 
     @property
     def tracking(self) -> Tracking:
-        """There is no reference: the hand is where it should be by definition."""
-        return Tracking(self.state().hand)
+        """The reference is the hand itself, as there is none under torque control."""
+        return Tracking(self.state.hand)
 
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
-        """Let one period pass, in which the hand shall move so: see ``LiveArm``."""
-        state = self.state()
+        """Let one period pass: see ``LiveArm``."""
+        state = self.state
         self._places[self._columns] = state.joints
         jacobian = self._jacobian()
         asked = np.zeros(self._rows)
@@ -92,9 +92,9 @@ class TorqueArm(LiveArm):
     def _implicit(self, spring: FloatArray, stiffness: FloatArray, damping: FloatArray) -> FloatArray:
         """Return the torques (n,) of springs and dampers as they will be at the end of the period.
 
-        M (q̇₁ − q̇) / Δt = s − (Δt K + C) q̇₁ is solved for q̇₁; the torques are what stands on its right.
+        M (q̇₁ − q̇) / Δt = s − (Δt K + C) q̇₁ is solved for q̇₁; the torques are its right side.
         """
-        body, period, velocities = self.body, self.period, self.state().velocities
+        body, period, velocities = self.body, self.period, self.state.velocities
         every = np.array(body.bullet.calculateMassMatrix(body.body, self._places.tolist()))
         masses = every[np.ix_(self._columns, self._columns)]
         resistance = damping + period * stiffness
@@ -102,10 +102,10 @@ class TorqueArm(LiveArm):
         return np.asarray(spring - resistance @ ahead)
 
     def _apply(self, torques: FloatArray, push: FloatArray | None) -> None:
-        """Drive the joints with these torques (n,) and those that carry the arm, within the limits."""
+        """Apply torques (n,) in addition to those that carry the arm, within the limits, for one period."""
         body, bullet = self.body.body, self.body.bullet
         velocities = np.zeros(len(self._places))
-        velocities[self._columns] = self.state().velocities
+        velocities[self._columns] = self.state.velocities
         own = bullet.calculateInverseDynamics(body, self._places.tolist(), velocities.tolist(), self._zeros)
         limited = np.clip(torques + np.array(own)[self._columns], -self._limits, self._limits)
         bullet.setJointMotorControlArray(
@@ -115,18 +115,14 @@ class TorqueArm(LiveArm):
 
     def _jacobian(self) -> FloatArray:
         """Return the hand's Jacobian (6, n), or (3, n) if its orientation does not matter."""
-        linear, angular = self.body.bullet.calculateJacobian(
-            self.body.body,
-            self.body.model.tip,
-            self._tip,
-            self._places.tolist(),
-            self._zeros,
-            self._zeros,
+        body, places = self.body, self._places.tolist()
+        linear, angular = body.bullet.calculateJacobian(
+            body.body, body.model.tip, self._tip, places, self._zeros, self._zeros
         )
         return np.array((linear + angular)[: self._rows])[:, self._columns]
 
     def _turn_wanted(self) -> FloatArray:
         """Return the rotation to the orientation wanted here: its axis (3,) times 2 sin ½θ."""
-        wanted = self._kinematics.orientation(self.state().hand)
+        wanted = self._kinematics.orientation(self.state.hand)
         *axis, cosine = self.body.bullet.getDifferenceQuaternion(self.orientation, wanted)
         return np.array(axis) * (2.0 if cosine >= 0 else -2.0)

@@ -1,4 +1,4 @@
-"""Arms by path: a URDF file becomes an ``ArmModel``, once another process has read it without a crash."""
+"""Arms by path: a URDF file becomes an ``ArmModel`` after another process has read it safely."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skillctl.workers.limits import Limits
 LIMITS = Limits(seconds=60.0, memory=2**32)  # to load the file and its meshes
 MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
 FEWEST_JOINTS = 3  # to move a hand in three dimensions
-REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm takes its wrist to singularities
+REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm meets singularities of the wrist
 FULL_TURN = 2 * math.pi  # [rad]: how far a joint without limits is turned either way
 SURVEY_POSTURES = 400  # from which the comfortable workspace is estimated
 
@@ -31,8 +31,8 @@ Joint = dict[str, Any]  # as ``probe`` describes it
 def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None = None) -> ArmModel:
     """Return the arm of this name, or the one in this URDF file.
 
-    Of a file, the arm's joints are those between its base and the tip; the others are held where they are.
-    Joint, velocity and torque limits are the file's; a joint that turns without end may turn once either way.
+    The joints of an arm by file are those between its base and the tip; all others are fixed. The limits of
+    position, velocity and torque are the file's; a continuous joint may make one turn either way.
 
     Args:
         name: A name in ``ARMS``, or the path of a URDF file.
@@ -41,7 +41,7 @@ def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None =
         home: Ready posture, one number a joint, [rad]. None: the middle of each joint's range.
 
     Raises:
-        UsageError: ``tip`` or ``home`` do not fit this arm.
+        UsageError: ``tip`` or ``home`` does not fit this arm.
         NotFoundError: No such arm or file, or PyBullet is not installed.
         InputDataError: The file is damaged, refers to damaged or missing meshes, or describes no arm.
     """
@@ -49,7 +49,8 @@ def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None =
         if tip is not None or home is not None:
             option = "tip" if tip is not None else "home"
             raise UsageError(
-                f"{option}: the arm {name} has its own; this is for arms by path.", hint="Leave it out."
+                f"{option}: the arm {name} has its own; this is for arms by path.",
+                hint="Leave it out.",
             )
         return ARMS[name]
     path = Path(name)
@@ -61,7 +62,7 @@ def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None =
         ) from error
     if not path.is_file() or stamp.st_size > MAX_BYTES:
         raise InputDataError(f"{name}: is no file, or larger than {MAX_BYTES / 2**20:.0f} MiB.")
-    load_bullet()  # if it is missing, that is what to say
+    load_bullet()  # its absence is reported before anything about the file
     return _read(path.resolve(), stamp.st_mtime_ns, tip, home)
 
 
@@ -99,7 +100,7 @@ def _read(path: Path, _: int, tip: str | None, home: tuple[float, ...] | None) -
 
 
 def _probed(path: Path) -> list[Joint]:
-    """Return the joints of the file, as a process of its own has read them."""
+    """Return the joints of the file, which a process of its own reads."""
     try:
         with Child(LIMITS) as child:
             return list(child.call(probe.joints, str(path)))
@@ -120,7 +121,7 @@ def _refused(path: Path, reason: str) -> InputDataError:
 
 
 def _default_tip(joints: list[Joint]) -> int:
-    """Return the last link on the way from the base that has only one moving part to go on to."""
+    """Return the last link from the base on before the robot branches into several moving parts."""
     link = -1
     while below := [joint for joint in joints if joint["parent"] == link]:
         moving = [joint for joint in below if _moves_something(joint, joints)]
@@ -199,7 +200,7 @@ def _checked(home: Angles, chain: list[Joint]) -> Angles:
 
 
 def _reach_centre(model: ArmModel) -> tuple[float, float, float]:
-    """Return a place in front that the hand reaches in many postures, not too near the base."""
+    """Return a position in front that the hand reaches in many postures, not too near the base, [m]."""
     generator = np.random.default_rng(0)
     postures = generator.uniform(
         np.maximum(model.lower, -math.pi),

@@ -1,10 +1,10 @@
-"""A film of an episode, as it was in time: GIF with Pillow, MP4 with PyAV."""
+"""A film of an episode in real time: GIF with Pillow, MP4 with PyAV."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image
 
 from skillctl.errors import NotFoundError, UsageError
+from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import Episode
@@ -20,12 +21,10 @@ from skillctl.simulation.picture import Scenery
 SIZE = (480, 416)  # multiples of 16: the blocks that video is coded in
 SHARPNESS = 1.25  # a film has many frames
 RATES = {"gif": Fraction(25, 2), "mp4": Fraction(25)}  # [1/s]; a GIF counts in hundredths of a second
-LAST_FRAME = 1.5  # [s] that the end stands still
+LAST_FRAME = 1.5  # [s], how long the last frame is shown
 FRAMING = 8  # moments for which the whole arm has to be in the picture
 SWATCHES = 6  # frames that the colours of a GIF are chosen from
 QUALITY = {"crf": "20", "preset": "medium"}
-
-Progress = Callable[[int, int], None]  # frames drawn, and in all
 
 
 def film_format(name: str) -> str:
@@ -37,7 +36,7 @@ def film_format(name: str) -> str:
     """
     kind = name.rpartition(".")[2].lower()
     if kind not in RATES:
-        raise UsageError(f"{name}: a video is a .gif or an .mp4.", hint="Name it, say, motion.gif.")
+        raise UsageError(f"{name}: a video is a .gif or an .mp4.", hint="For example: motion.gif.")
     if kind == "mp4":
         _load_av()
     return kind
@@ -49,7 +48,7 @@ def encode_video(episode: Episode, kind: str, *, progress: Progress | None = Non
     Args:
         episode: What to show.
         kind: ``gif`` or ``mp4``.
-        progress: Called after every frame.
+        progress: Called after every frame, with frames drawn and in all.
 
     Raises:
         NotFoundError: MP4, and PyAV is not installed.
@@ -64,7 +63,7 @@ def encode_video(episode: Episode, kind: str, *, progress: Progress | None = Non
         for row in rows:
             frames.append(scenery.picture(row))
             if progress is not None:
-                progress(len(frames), len(rows))
+                progress("filming", len(frames), len(rows))
     return _gif(frames, rate) if kind == "gif" else _mp4(frames, rate)
 
 
@@ -79,9 +78,9 @@ def _gif(frames: Sequence[Image.Image], rate: Fraction) -> bytes:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return an image with 256 colours: one half the most common ones, the other spread over all there are.
+    """Return an image with 256 colours: half are the most common, half are spread over all in the frames.
 
-    The first alone would leave no colour for a line, the second none for a soft shadow.
+    The common ones alone would leave no colour for a line, the others none for a soft shadow.
     """
     picks = np.linspace(0, len(frames) - 1, min(SWATCHES, len(frames)), dtype=int)
     swatch = Image.new("RGB", (SIZE[0], SIZE[1] * len(picks)))

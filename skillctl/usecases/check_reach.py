@@ -1,4 +1,4 @@
-"""Whether an arm can hold its hand where a skill wants it, without running anything."""
+"""Whether an arm can reach the start, the path and the target of a skill; nothing is run."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from skillctl.store.source import open_skill
 
 @dataclass(frozen=True)
 class CheckReachReport:
-    """What the arm can reach.
+    """The result of a check of reach.
 
     Attributes:
-        skill, digest: What was looked at.
+        skill, digest: The skill that was checked.
         reachability: Start, path and target, and how much room there is.
     """
 
@@ -35,19 +35,19 @@ def check_reach(
     store: Path | None = None,
     lock: Lock | None = None,
 ) -> CheckReachReport:
-    """Say whether an arm can reach the start, the path and the target of a skill.
+    """Return whether an arm can reach the start, the path and the target of a skill.
 
     Args:
         reference: The skill.
         scenario: Arm, placement, start, target, limits.
-        demo: Start where this embedded demonstration starts, counted from 0.
-        episode: Look at this one of the episodes that the scenario draws, counted from 0.
-        store: Where names live; default as on the command line.
+        demo: Number, from 0, of the embedded demonstration whose start is used.
+        episode: Number, from 0, of the one episode to check of those that the scenario draws.
+        store: The store of names; default as on the command line.
         lock: Allow only skills that it names.
 
     Raises:
         NotFoundError: No such skill, or PyBullet is not installed.
-        UsageError: A start, target or placement that makes no sense for this skill.
+        UsageError: A start, target or placement that does not fit this skill.
     """
     source = open_skill(reference, store, lock)
     taught = source.artifact.demonstrations

@@ -1,4 +1,4 @@
-"""Pictures of skills: gathered here, drawn by the plotting room, written whole or not at all."""
+"""Pictures of skills, as files and for pages."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING
 
 from skillctl.errors import StoreError
 from skillctl.model.skill import Skill, retargeted
-from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import draw_fit
-from skillctl.plotting.formats import require_few, require_format, require_picture
+from skillctl.plotting.formats import require_few, require_picture
 from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
-from skillctl.plotting.proof import draw_proofs
+from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
 from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
 
-if TYPE_CHECKING:  # both bring the learner along, which most pictures can do without
+if TYPE_CHECKING:  # both import the learner, which most pictures do not need
     from skillctl.evaluate.left_out import LeftOut
     from skillctl.usecases.verify_stability import VerifyReport
 
@@ -34,20 +33,18 @@ class Picture:
 
 
 def picture_skill(name: str, artifact: Artifact, path: Path) -> None:
-    """Draw what is in a skill: field, demonstrations, motions, density, regions.
+    """Draw a skill: field, demonstrations, motions, density, regions.
 
     Args:
         name: For the title.
         artifact: The skill with its demonstrations.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
-        UsageError: No such format, or no such directory.
+        UsageError: No such format.
         StoreError: The picture cannot be written.
     """
-    require_picture(path)
-    figure = draw_skill(_portrait(name, artifact), kind_of(artifact.skill))
-    write_file(path, encode(figure, require_format(path)))
+    _write(path, draw_skill(_portrait(name, artifact), kind_of(artifact.skill)))
 
 
 def picture_family(
@@ -60,45 +57,41 @@ def picture_family(
         child: As it was written.
         parents: From left to right.
         shares: The weight or prior of each.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
         UsageError, StoreError: See ``picture_skill``.
     """
-    require_picture(path)
     word = "prior" if child.skill.kind == "combined" else "weight"
     members = [
         (_portrait(parent.name, parent.artifact), f"{word} {share:.3g}")
         for parent, share in zip(parents, shares, strict=True)
     ]
-    figure = draw_family(members, (_portrait(name, child), kind_of(child.skill)))
-    write_file(path, encode(figure, require_format(path)))
+    _write(path, draw_family(members, (_portrait(name, child), kind_of(child.skill))))
 
 
 def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path: Path) -> None:
-    """Draw how a learned skill repeats its demonstrations, and skills learned without one of them.
+    """Draw a learned skill beside its demonstrations, and skills learned without one of them.
 
     Args:
         name: Of the skill.
         artifact: The skill with its demonstrations.
         left_out: Result of a validation; empty if there was none.
-        path: Where to; its suffix decides the format.
+        path: The file; its suffix decides the format.
 
     Raises:
         UsageError, StoreError: See ``picture_skill``.
     """
-    require_picture(path)
-    write_file(path, encode(_fit_figure(name, artifact, left_out), require_format(path)))
+    _write(path, _fit_figure(name, artifact, left_out))
 
 
 def picture_proofs(report: VerifyReport, path: Path) -> None:
-    """Draw where and how fast V shrinks, for every skill that could be read; nothing if none could.
+    """Draw where and how fast V shrinks, for every skill that could be read, if there is one.
 
     Raises:
         UsageError: More skills than fit into one figure, or see ``picture_skill``.
         StoreError: The picture cannot be written, or a skill changed since it was verified.
     """
-    require_picture(path)
     require_few(len(report.skills))
     proofs = [
         (_portrait(verdict.skill, reopened(verdict.path, verdict.digest)), bounds_of(verdict.certificate))
@@ -106,18 +99,18 @@ def picture_proofs(report: VerifyReport, path: Path) -> None:
         if verdict.certificate is not None and verdict.path is not None
     ]
     if proofs:
-        write_file(path, encode(draw_proofs(proofs), require_format(path)))
+        _write(path, draw_proofs(proofs))
 
 
 def reopened(path: Path, digest: str | None) -> Artifact:
-    """Return the artifact at a path that a report speaks of.
+    """Return the artifact at a path of a report.
 
     Raises:
-        StoreError: It is not the same any more.
+        StoreError: It is not the same as when it was reported.
     """
     artifact = read_skill(path)
     if artifact.digest != digest:
-        raise StoreError(f"{path}: changed while it was being drawn.", hint="Give the command again.")
+        raise StoreError(f"{path}: changed while it was being drawn.", hint="Run the command again.")
     return artifact
 
 
@@ -127,7 +120,7 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
     Args:
         name: For the titles.
         artifact: The skill with its demonstrations.
-        certificate: What is proved of it.
+        certificate: Its certificate.
     """
     skill, portrait = artifact.skill, _portrait(name, artifact)
     figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
@@ -138,7 +131,7 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
 
 
 def kind_of(skill: Skill) -> str:
-    """Return what kind of skill it is, in words."""
+    """Return the kind of a skill, in words."""
     if skill.kind == "combined":
         ends = "one target" if len(skill.attractors) == 1 else f"{len(skill.parts)} targets"
         return f"combined, {skill.gate}, {ends}"
@@ -148,10 +141,9 @@ def kind_of(skill: Skill) -> str:
 
 
 def bounds_of(certificate: Certificate) -> Bounds:
-    """Return what a figure shows of a certificate."""
+    """Return the parts of a certificate that a figure shows."""
     everywhere = certificate.scope == "global"
-    local = certificate.scope == "local"
-    words = f"{certificate.verdict} (local proof)" if local else certificate.verdict
+    words = certificate.verdict + (" (local proof)" if certificate.scope == "local" else "")
     if everywhere and certificate.rate is not None:
         words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
@@ -162,12 +154,16 @@ def bounds_of(certificate: Certificate) -> Bounds:
     )
 
 
+def _write(path: Path, figure: Drawing) -> None:
+    write_file(path, encode(figure, require_picture(path)))
+
+
 def _portrait(name: str, artifact: Artifact) -> Portrait:
     return portrait_of(name, artifact.skill, artifact.demonstrations)
 
 
 def _fit_figure(name: str, artifact: Artifact, left_out: Sequence[LeftOut]) -> Drawing:
-    """Return the figure of a fit; motions of skills learned without a demonstration start where it starts."""
+    """Return the figure of a fit; the motion of a skill left one demonstration out starts where that does."""
     portrait = _portrait(name, artifact)
     goal = portrait.goals[0]
     held = [

@@ -25,21 +25,21 @@ from skillctl.store.source import Source, open_skill
 
 @dataclass(frozen=True)
 class SimulateReport:
-    """What happened on the arm.
+    """The result of one episode.
 
     Attributes:
-        skill, digest: What was run.
-        outcome: How it ended, see ``Outcome``.
-        success: Whether the target was reached, or the cup grasped.
-        detail: For a failure, what happened; else empty.
-        scenario: What was run, as in a scenario file; null: chosen automatically.
-        arm, hand, base_yaw: Which arm, how it held its hand, how far its base was turned [rad].
-        plane, scale, origin: Where the skill was placed: workspace = origin [m] + scale · coordinates.
-        target: Workspace position the motion went to, [m].
+        skill, digest: The skill that was run.
+        outcome: How the episode ended, see ``Outcome``.
+        success: Whether the hand reached the target, or grasped the cup.
+        detail: What happened, for a failure; else empty.
+        scenario: The scenario, as in a file; what is null was chosen automatically.
+        arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
+        target: Workspace position of the target, [m].
         metrics: The figures, in SI units.
-        wall_seconds: What the simulation cost.
-        log, picture, video: Files written, if any.
-        notes: What the success or failure does not show.
+        wall_seconds: Time that the simulation took, [s].
+        log, picture, video: Files that were written, if any.
+        notes: What the outcome does not show.
     """
 
     skill: str
@@ -82,100 +82,90 @@ def simulate(
     Args:
         reference: The skill.
         scenario: Arm, placement, start, target, limits.
-        demo: Start where this embedded demonstration starts, counted from 0; if the target is moved, as far
-            from it as the demonstration was. (The cup as target moves no start.)
-        episode: Run this one of the episodes that the scenario draws, counted from 0.
-        log: Write the time series there, ``.csv`` or ``.h5``.
-        picture: Write a contact sheet there, as PNG.
-        video: Write a film there, ``.gif`` or ``.mp4``.
-        gui: Show it in a window, in real time.
-        store: Where names live; default as on the command line.
+        demo: Number, from 0, of the embedded demonstration whose start is used; a target that is moved by
+            coordinates moves this start too.
+        episode: Number, from 0, of the one episode to run of those that the scenario draws.
+        log: File for the time series, ``.csv`` or ``.h5``.
+        picture: File for a contact sheet, PNG.
+        video: File for a film, ``.gif`` or ``.mp4``.
+        gui: Show the episode in a window, in real time.
+        store: The store of names; default as on the command line.
         lock: Allow only skills that it names.
-        progress: Called with (stage, milliseconds done, milliseconds at most).
+        progress: Called with a stage, and how much of it is done: milliseconds of motion, or frames.
 
     Raises:
         NotFoundError: No such skill, PyBullet is not installed, or PyAV for an ``.mp4``.
-        UsageError: A start, target or placement that makes no sense for this skill.
+        UsageError: A start, target or placement that does not fit this skill.
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store, lock)
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
-    _require_writable(log, picture, video)
-    result = run_episode(source.skill, scenario, progress=_in_milliseconds(progress), gui=gui)
-    if log is not None:
-        write_file(log, encode_log(result, log_format(log.name)))
-    if picture is not None:
-        from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
-
+    files = _files(source.name, log, picture, video, progress)
+    result = run_episode(source.skill, scenario, progress=progress, gui=gui)
+    for path, encode in files:
         if progress is not None:
             progress("drawing", 0, 1)
-        write_file(picture, encode_picture(result, title=source.name))
-    if video is not None:
-        from skillctl.simulation.video import encode_video, film_format
-
-        drawn = None if progress is None else partial(progress, "filming")
-        write_file(video, encode_video(result, film_format(video.name), progress=drawn))
-    return _report(source, result, log, picture, video)
-
-
-def _require_writable(log: Path | None, picture: Path | None, video: Path | None) -> None:
-    """Refuse files that could not be written, before anything is run for them."""
-    require_directories(log, picture, video)
-    if log is not None:
-        log_format(log.name)
-    if video is not None:
-        from skillctl.simulation.video import film_format
-
-        film_format(video.name)
-
-
-def _in_milliseconds(progress: Progress | None) -> Callable[[float, float], None] | None:
-    if progress is None:
-        return None
-    return lambda now, end: progress("moving", int(1e3 * now), int(1e3 * end))
-
-
-def _report(
-    source: Source, episode: Episode, log: Path | None, picture: Path | None, video: Path | None
-) -> SimulateReport:
-    placement = episode.placement
+        write_file(path, encode(result))
+    setup, placement = result.setup, result.setup.placement
     return SimulateReport(
         skill=source.name,
         digest=source.artifact.digest,
-        outcome=episode.outcome,
-        success=episode.success,
-        detail=episode.detail,
-        scenario=episode.scenario.model_dump(),
-        arm=episode.arm.name,
-        hand=episode.hand,
-        base_yaw=episode.base_yaw,
+        outcome=result.outcome,
+        success=result.success,
+        detail=result.detail,
+        scenario=scenario.model_dump(),
+        arm=setup.arm.name,
+        hand=setup.hand,
+        base_yaw=setup.base_yaw,
         plane=placement.plane,
         scale=placement.scale,
         origin=tuple(placement.origin.tolist()),
-        target=tuple(episode.target.tolist()),
-        metrics=episode.metrics,
-        wall_seconds=episode.wall_seconds,
+        target=tuple(result.target.tolist()),
+        metrics=result.metrics,
+        wall_seconds=result.wall_seconds,
         log=log,
         picture=picture,
         video=video,
-        notes=proof_notes(source, episode.scenario.control),
+        notes=proof_notes(source, scenario.control),
     )
 
 
+def _files(
+    name: str, log: Path | None, picture: Path | None, video: Path | None, progress: Progress | None
+) -> list[tuple[Path, Callable[[Episode], bytes]]]:
+    """Return the files to write, each with the function that encodes an episode.
+
+    This is called before the run, so that a file that cannot be written costs no simulation.
+    """
+    require_directories(log, picture, video)
+    files: list[tuple[Path, Callable[[Episode], bytes]]] = []
+    if log is not None:
+        files.append((log, partial(encode_log, kind=log_format(log.name))))
+    if picture is not None:
+        from skillctl.simulation.picture import encode_picture  # late: only pictures need Pillow
+
+        files.append((picture, partial(encode_picture, title=name)))
+    if video is not None:
+        from skillctl.simulation.video import encode_video, film_format
+
+        files.append((video, partial(encode_video, kind=film_format(video.name), progress=progress)))
+    return files
+
+
 def proof_notes(source: Source, control: str) -> tuple[str, ...]:
-    """Return what the proof of a skill asks for that a simulated controller does not give."""
+    """Return a note if the proof of a skill needs a faster controller than the simulated one."""
     period = certify(source.skill, digest=source.artifact.digest).period
     simulated = TORQUE_PERIOD if control == "torque" else CONTROL_PERIOD
     if period is None or period >= simulated:
         return ()
     return (
-        f"the proof of {source.name} asks for a controller at {at_most(1 / period)} Hz or faster; "
+        f"the proof of {source.name} needs a controller at {at_most(1 / period)} Hz or faster; "
         f"this one runs at {1 / simulated:.0f} Hz.",
     )
 
 
 def require_directories(*files: Path | None) -> None:
-    """Refuse files whose directory does not exist, before anything is run for them."""
+    """Raise StoreError for a file whose directory does not exist."""
     for file in files:
         require_directory(file)

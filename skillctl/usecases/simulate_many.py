@@ -1,10 +1,9 @@
-"""A skill on a simulated arm, many times: how often it works, and why it does not."""
+"""Many episodes of a skill on a simulated arm: how often it succeeds, and why it fails."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -23,7 +22,7 @@ from skillctl.workers import Workers
 
 @dataclass(frozen=True)
 class PartTally:
-    """How one part of a combined skill did: its name, in how many episodes it acted, and successes."""
+    """One part of a combined skill: its name, the episodes in which it acted, and their successes."""
 
     name: str
     episodes: int
@@ -41,20 +40,20 @@ class FailedEpisode:
 
 @dataclass(frozen=True)
 class SimulateManyReport:
-    """What happened in many episodes.
+    """The result of many episodes.
 
     Attributes:
-        skill, digest: What was run.
-        arm, seed: On which arm, and from which seed everything was drawn.
-        episodes, successes, success_rate: How many, and how many reached their target or grasped their cup.
+        skill, digest: The skill that was run.
+        arm, seed: The arm, and the seed of all that was drawn.
+        episodes, successes, success_rate: How many episodes there were, and how many succeeded.
         interval, confidence: Wilson's interval of the probability of a success.
         min_success, enough: The rate that was asked for, and whether it was met.
         failures: Number of episodes by class of failure.
-        failed: Each of them.
-        parts: For a combined skill, by the part that acted; episodes that could not begin have none.
-        medians: Of each figure over the episodes that have it, in SI units.
-        simulated_seconds, wall_seconds: All episodes together, and what they cost.
-        table, overview: Files written, if any.
+        failed: Each episode that failed.
+        parts: Episodes by the part of a combined skill that acted; none acts if an episode cannot begin.
+        medians: Median of each figure over the episodes that have it, in SI units.
+        simulated_seconds, wall_seconds: Simulated time of all episodes, and the time that they took.
+        table, overview: Files that were written, if any.
         notes: What the figures do not show.
     """
 
@@ -93,50 +92,41 @@ def simulate_many(
     lock: Lock | None = None,
     progress: Progress | None = None,
 ) -> SimulateManyReport:
-    """Run the episodes of a scenario. The workers that run them do not change them.
+    """Run the episodes of a scenario. The workers do not change the results.
 
     Args:
         reference: The skill.
-        scenario: How many episodes, and what differs between them. If it does not say what: the place of
-            the cup on its board, and the starts of the skill's demonstrations, scattered.
+        scenario: How many episodes, and what is drawn for each; by default the place of the cup on its
+            board, and a start near that of a demonstration.
         workers: Processes, or a cluster; by default one process.
         min_success: Share of successes that is enough.
-        table: Write one row per episode there, as CSV.
-        overview: Write all of them in one picture there, as PNG.
-        colour_by: Of the overview; by default ``outcome``, but ``part`` if the parts of a combined skill end
-            at different places.
-        store: Where names live; default as on the command line.
+        table: File for one row per episode, CSV.
+        overview: File for one picture of all episodes, PNG.
+        colour_by: What the colours of the overview show; by default ``outcome``, but ``part`` if the parts
+            of a combined skill end at different places.
+        store: The store of names; default as on the command line.
         lock: Allow only skills that it names.
         progress: Called with (successes and rate in words, episodes done, episodes in all).
 
     Raises:
         NotFoundError: No such skill, or PyBullet is not installed.
-        UsageError: A share outside 0 to 1, or what makes no sense for this skill.
-        GoalNotReachedError: There is nothing to see in an overview.
+        UsageError: A share outside 0 to 1, or a scenario that does not fit this skill.
+        GoalNotReachedError: No episode could begin, so an overview would be empty.
     """
     if not 0 <= min_success <= 1:
-        raise UsageError(f"min-success: a share from 0 to 1, as in 0.9; got {min_success:g}.")
+        raise UsageError(f"min-success: a must be a share from 0 to 1, as in 0.9; got {min_success:g}.")
     source = open_skill(reference, store, lock)
     require_directories(table, overview)
-    load_bullet()  # if it is missing, that is said before any process is started
+    load_bullet()  # before any process is started, so that the user learns at once that it is missing
     began = time.perf_counter()
     batch, starts = batch_of(source.skill, source.artifact.demonstrations, scenario)
-    report_of = None if progress is None else partial(_report_progress, progress, began)
-    rows = run_batch(source.skill, batch, starts, workers=workers, progress=report_of)
+    rows = run_batch(source.skill, batch, starts, workers=workers, progress=progress)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
     if table is not None:
         write_file(table, encode_rows(rows))
     if overview is not None:
         write_file(overview, _encode_overview(source, rows, report, colour_by))
     return report
-
-
-def _report_progress(progress: Progress, began: float, done: int, total: int, successes: int) -> None:
-    if not done:
-        progress("starting", done, total)
-        return
-    rate = done / max(time.perf_counter() - began, 1e-9)
-    progress(f"{successes} of {done} succeeded, {rate:.1f} episodes/s", done, total)
 
 
 def _encode_overview(
@@ -201,15 +191,11 @@ def _sameness(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _parts(source: Source, rows: tuple[Row, ...]) -> tuple[PartTally, ...]:
-    acted = [(row.trace.part, row.success) for row in rows if row.trace is not None]
-    return tuple(
-        PartTally(
-            name,
-            sum(part == number for part, _ in acted),
-            sum(part == number and success for part, success in acted),
-        )
-        for number, name in enumerate(_part_names(source))
-    )
+    tallies = []
+    for number, name in enumerate(_part_names(source)):
+        acted = [row.success for row in rows if row.trace is not None and row.trace.part == number]
+        tallies.append(PartTally(name, len(acted), sum(acted)))
+    return tuple(tallies)
 
 
 def _part_names(source: Source) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skillctl.model.lyapunov import QuadraticForm
-from skillctl.plotting.decay import decay, distances
+from skillctl.plotting.proof import Bounds, decay, draw_proofs
 
 
 def test_one_linear_component_decays_at_its_own_rate_everywhere(make_skill):
@@ -58,9 +58,13 @@ def test_it_is_negative_where_the_distance_grows_and_unknown_at_the_attractor(po
 
 def test_distances_are_in_the_norm_of_the_part_that_acted(portrait):
     shown = portrait(2, kind="combined")
-    for motion in shown.motions:
+    figure = draw_proofs([(shown, Bounds("stable", None, (None, None), None))])
+    courses = next(axes for axes in figure.axes if axes.get_yscale() == "log" and axes.get_lines())
+    for motion, line in zip(shown.motions, courses.get_lines(), strict=True):
         part = shown.skill.parts[motion.part]
-        along = distances(shown.skill, motion)
-        assert along[-1] < 1e-2 * along[0]  # it arrived at that part's attractor
-        first = motion.positions[0] - part.attractor
-        assert along[0] ** 2 == pytest.approx(first @ part.lyapunov @ first)
+        offsets = motion.positions - part.attractor
+        values = np.einsum("ti,ij,tj->t", offsets, part.lyapunov, offsets)
+        shares = np.asarray(line.get_ydata(), dtype=np.float64)
+        # V is a sum of four products, none much larger than it; then come a root, a quotient and a square.
+        assert shares**2 == pytest.approx(values / values[0], rel=64 * np.finfo(np.float64).eps)
+        assert shares[-1] < 1e-2  # it arrived at the attractor of that part

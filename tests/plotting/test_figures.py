@@ -10,12 +10,11 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.patches import Circle, Ellipse
 
 from skillctl.model.space import Euclidean
-from skillctl.plotting.decay import Bounds
 from skillctl.plotting.fit import MOST_PROFILES, draw_fit
 from skillctl.plotting.flow import widest_speed
 from skillctl.plotting.panels import DEVIATIONS, _leads
-from skillctl.plotting.portrait import Scale, motions_from, portrait_of
-from skillctl.plotting.proof import draw_proofs
+from skillctl.plotting.portrait import motions_from, portrait_of
+from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import DEMONSTRATION, INK, LEFT_OUT, MOTION, PARTS, WITNESS
 
@@ -82,7 +81,7 @@ def test_streamlines_follow_the_field_and_the_widest_are_the_fastest(portrait, t
     widths = [np.atleast_1d(flow.get_linewidth())[0] for flow in flows]
     assert len(flows) > 2
     assert np.argsort(widths).tolist() == np.argsort(speeds).tolist()
-    fastest = f"{widest_speed(shown.skill, shown.low, shown.high):.2g}"
+    fastest = f"{widest_speed(shown):.2g}"
     assert f"field; widest: {float(fastest):g} m/s" in texts(figure)
 
 
@@ -105,10 +104,9 @@ def test_levels_of_v_are_at_equal_steps_of_the_distance(portrait):
 )
 def test_regions_are_where_the_parts_act(portrait, texts, gate, words):
     shown = portrait(2, kind="combined", gate=gate)
-    scale = Scale(1.0, "m")
     places, leads = None, []
-    for x, y, lead in _leads(shown, scale):
-        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    for x, y, lead in _leads(shown):
+        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) / shown.scale.factor
         leads.append(lead.ravel())
     assert (np.argmax(leads, axis=0) == shown.skill.part_at(places)).all()
     figure = draw_skill(shown, "combined")

@@ -144,10 +144,10 @@ def test_an_overview_has_a_cup_of_each_episode_in_a_paler_colour(skill: SedsSkil
 
 
 def test_progress_counts_episodes_and_successes(skill: SedsSkill, scenario: Scenario) -> None:
-    told: list[tuple[int, int, int]] = []
+    told: list[tuple[str, int, int]] = []
     rows = run_batch(
         skill, scenario.changed(episodes=2), STARTS, progress=lambda *report: told.append(report)
     )
-    assert told[0] == (0, 2, 0)
-    assert [report[:2] for report in told[1:]] == [(1, 2), (2, 2)]
-    assert told[-1][2] == sum(row.success for row in rows)
+    assert told[0] == ("starting", 0, 2)
+    assert [report[1:] for report in told[1:]] == [(1, 2), (2, 2)]
+    assert told[-1][0].startswith(f"{sum(row.success for row in rows)} of 2 succeeded, ")

@@ -25,7 +25,7 @@ def test_what_is_told_beforehand_is_what_happens(arm: str, reach: SedsSkill) -> 
     assert told.reachable
     assert told.reason == ""
     assert happened.success
-    assert (told.hand, told.base_yaw) == (happened.hand, happened.base_yaw)
+    assert (told.hand, told.base_yaw) == (happened.setup.hand, happened.setup.base_yaw)
     assert told.start == START
     assert told.start_residual < 1e-4
     assert told.path_residual < 1e-4

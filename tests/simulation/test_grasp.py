@@ -210,5 +210,6 @@ def test_a_2d_skill_takes_its_plane_to_the_cup(stroke: SedsSkill) -> None:
         stroke,
         Scenario(scene={"kind": "table"}, target="cup", plane="xz", scale=1.0, start=(-0.08, 0.03)),  # type: ignore[arg-type]
     )
-    assert episode.placement.to_workspace(stroke.attractor) == pytest.approx([0.62, 0.0, 0.48], abs=1e-12)
+    placement = episode.setup.placement
+    assert placement.to_workspace(stroke.attractor) == pytest.approx([0.62, 0.0, 0.48], abs=1e-12)
     assert np.abs(episode.series.hand[:, 1]).max() < 1e-3

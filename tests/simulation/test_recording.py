@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.episode import Episode, TimeSeries, measure
+from skillctl.simulation.episode import Episode, Setup, TimeSeries, measure
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.recording import encode_log, log_format
@@ -18,7 +19,7 @@ from skillctl.simulation.scenario import Scenario
 
 
 @pytest.fixture
-def episode() -> Episode:
+def episode(reach: SedsSkill) -> Episode:
     """An episode of five rows of random numbers: what matters here is that they come back."""
     generator = np.random.default_rng(0)
     arm = ARMS["panda"]
@@ -37,16 +38,12 @@ def episode() -> Episode:
         clearances=np.array([0.1, np.nan, np.nan, np.nan, -0.002]),
     )
     plan = Plan(points[0], points[0, -1], True)
+    placement = Placement(np.eye(3), np.zeros(3), 1.0, None)
     return Episode(
         scenario=Scenario(),
+        setup=Setup(reach, arm, placement, "free", 0.0, joints[0, 0], plan, True),
         outcome="timeout",
         detail="",
-        arm=arm,
-        hand="free",
-        base_yaw=0.0,
-        placement=Placement(np.eye(3), np.zeros(3), 1.0, None),
-        target=plan.target,
-        plan=plan,
         series=series,
         metrics=measure(series, plan, arm, 2e-3),
         wall_seconds=1.0,

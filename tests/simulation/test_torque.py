@@ -44,9 +44,9 @@ def run(arm: LiveArm, target: np.ndarray, duration: float, push: object = None) 
     """Move towards the target, with a constant push all the time."""
     states = []
     for _ in range(round(duration / arm.period)):
-        hand = arm.state().hand
+        hand = arm.state.hand
         arm.drive(straight(hand, target), None if push is None else np.array(push, dtype=float))
-        states.append(arm.state())
+        states.append(arm.state)
     return states
 
 
@@ -124,7 +124,7 @@ def test_a_free_motion_obeys_the_skill(begin: Begin) -> None:
 def test_the_hand_keeps_its_orientation_while_it_is_pushed(begin: Begin) -> None:
     arm, target = begin()
     run(arm, target, 0.5, (0.0, 20.0, 0.0))
-    wanted = arm._kinematics.orientation(arm.state().hand)
+    wanted = arm._kinematics.orientation(arm.state.hand)
     assert abs(np.dot(arm.orientation, wanted)) > np.cos(0.5 * 0.1)  # within 0.1 rad
 
 
@@ -149,7 +149,7 @@ def test_a_push_moves_no_position_motor() -> None:
         kinematics = Kinematics(twin, "horizontal", 0.0)
         start = kinematics.home
         arm = PositionArm(body, start, kinematics)
-        target = arm.state().hand
+        target = arm.state.hand
         states = run(arm, target, 0.3) + run(arm, target, 0.3, (0.0, 50.0, 0.0))
         assert distances(states, target).max() < 1e-3
         hard = run(arm, target, 0.3, (0.0, 0.0, -300.0)) + run(arm, target, 1.0)

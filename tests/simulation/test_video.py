@@ -49,8 +49,8 @@ def test_a_gif_keeps_the_colours_of_what_is_drawn(gif: bytes) -> None:
 
 def test_the_same_episode_gives_the_same_film(episode: Episode, gif: bytes) -> None:
     seen = []
-    assert encode_video(episode, "gif", progress=lambda done, total: seen.append((done, total))) == gif
-    assert seen == [(i + 1, len(seen)) for i in range(len(seen))]
+    assert encode_video(episode, "gif", progress=lambda *report: seen.append(report)) == gif
+    assert seen == [("filming", i + 1, len(seen)) for i in range(len(seen))]
 
 
 def test_an_mp4_has_a_frame_for_each_moment(episode: Episode) -> None:
