@@ -15,9 +15,10 @@ from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.parameters import skill_of
 from skillctl.learning.preprocess import TrainingData, align, embedded, training_data
 from skillctl.learning.select import component_limit, select_components
-from skillctl.learning.solve import ProgressCallback, solve
+from skillctl.learning.solve import solve
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.seds import SedsSkill
+from skillctl.progress import Progress
 from skillctl.workers.blas import one_blas_thread
 
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
@@ -63,7 +64,7 @@ def fit(
     options: LearnOptions | None = None,
     *,
     lyapunov: FloatArray | None = None,
-    progress: ProgressCallback | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Learn a stable skill from demonstrations of one motion.
 
@@ -74,7 +75,7 @@ def fit(
         demonstrations: At least one; each is translated to the mean end point, which becomes ξ*.
         options: See ``LearnOptions``.
         lyapunov: Use this P (d, d) instead of what ``options.metric`` says.
-        progress: Called as learning proceeds.
+        progress: Called with (stage, done, total) as learning proceeds.
 
     Raises:
         InputDataError: Demonstrations that do not move.
@@ -86,7 +87,7 @@ def fit(
     """
     options = options or LearnOptions()
     with one_blas_thread():
-        return _fit(demonstrations, options, lyapunov, progress or (lambda _: None))
+        return _fit(demonstrations, options, lyapunov, progress or (lambda *_: None))
 
 
 def learned_metric(sets: Sequence[DemonstrationSet]) -> FloatArray:
@@ -103,7 +104,7 @@ def _fit(
     demonstrations: DemonstrationSet,
     options: LearnOptions,
     lyapunov: FloatArray | None,
-    progress: ProgressCallback,
+    progress: Progress,
 ) -> Fit:
     aligned, attractor = align(demonstrations)
     data = training_data(aligned, attractor, _samples(aligned, options))
@@ -138,7 +139,7 @@ def _n_components(
     data: TrainingData,
     lyapunov: FloatArray,
     options: LearnOptions,
-    progress: ProgressCallback,
+    progress: Progress,
 ) -> int:
     limit = component_limit(aligned)
     if options.n_components is None:

@@ -11,8 +11,9 @@ from skillctl.learning.em import log_likelihood
 from skillctl.learning.objective import LearningObjective
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import EMBEDDED_POINTS, TrainingData
-from skillctl.learning.solve import Progress, ProgressCallback, initial_mixtures, solve, stability_barrier
+from skillctl.learning.solve import initial_mixtures, solve, stability_barrier
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.progress import Progress
 
 # All tuned on the 30 LASA motions.
 POINTS_PER_COORDINATE = 5  # a component needs about five points per dimension
@@ -31,7 +32,7 @@ def component_limit(demonstrations: DemonstrationSet) -> int:
 
 
 def select_components(
-    data: TrainingData, lyapunov: FloatArray, options: LearnOptions, limit: int, progress: ProgressCallback
+    data: TrainingData, lyapunov: FloatArray, options: LearnOptions, limit: int, progress: Progress
 ) -> int:
     """Return the K in 1 … 10, at most ``limit``, with the lowest error on demonstrations left out.
 
@@ -45,7 +46,7 @@ def select_components(
     scores = []
     for index, k in enumerate(candidates):
         scores.append(score(data, lyapunov, k, quick))
-        progress(Progress("components", index + 1, len(candidates), scores[-1]))
+        progress("components", index + 1, len(candidates))
     if len(data.positions) == 1:
         return candidates[int(np.argmin(scores))]
     return next(k for k, s in zip(candidates, scores, strict=True) if s <= TIE * min(scores))
@@ -58,7 +59,7 @@ def _left_out_error(data: TrainingData, lyapunov: FloatArray, k: int, options: L
     errors = []
     for fold in range(folds):
         out = np.arange(count) % folds == fold
-        solution = solve(_subset(data, ~out), lyapunov, k, options, lambda _: None)
+        solution = solve(_subset(data, ~out), lyapunov, k, options, lambda *_: None)
         errors.append(LearningObjective(_subset(data, out)).evaluate(solution.field).cost)
     return float(np.mean(errors))
 
@@ -66,7 +67,7 @@ def _left_out_error(data: TrainingData, lyapunov: FloatArray, k: int, options: L
 def _bic(data: TrainingData, lyapunov: FloatArray, k: int, options: LearnOptions) -> float:
     """Return the Bayesian information criterion of the constrained joint mixture."""
     barrier = stability_barrier(data, lyapunov, options)
-    ((mixture, _), *_) = initial_mixtures(data, barrier, k, options, lambda _: None)
+    ((mixture, _), *_) = initial_mixtures(data, barrier, k, options, lambda *_: None)
     n, d = data.points[0].shape
     per_component = 1 + d + d * (d + 1) + d * d  # prior, mean, Σ and C, A
     likelihood = log_likelihood(mixture, *data.points)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from skillctl.arrays import FloatArray, IntArray
@@ -17,24 +16,12 @@ from skillctl.learning.options import Effort, LearnOptions
 from skillctl.learning.outcome import StageResult
 from skillctl.learning.parameters import field_of
 from skillctl.learning.preprocess import TrainingData
+from skillctl.progress import Progress
 
 # Both tuned on the 30 LASA motions.
 BROAD_START = 1e-3  # least variance of gates that the optimiser starts from: narrow ones have no slope
 COARSE_AND_FINE = 1.15  # a fit whose cost grows by more under fine integration exploits its own step size
 EM_STEPS, FIRST_EM_STEPS = 200, 10  # of EM where it is the whole fit, and where the optimiser goes on from it
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far learning is: ``done`` of ``total`` steps of a stage, and the objective there."""
-
-    stage: str
-    done: int
-    total: int
-    objective: float
-
-
-ProgressCallback = Callable[[Progress], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,7 +49,7 @@ def solve(
     lyapunov: FloatArray,
     n_components: int,
     options: LearnOptions,
-    progress: ProgressCallback,
+    progress: Progress,
 ) -> Solution:
     """Return the best stable field with ``n_components`` components for this P (d, d).
 
@@ -101,7 +88,7 @@ def initial_mixtures(
     barrier: StabilityBarrier,
     n_components: int,
     options: LearnOptions,
-    progress: ProgressCallback,
+    progress: Progress,
 ) -> list[tuple[JointMixture, StageResult]]:
     """Return the constrained mixture that EM reaches from each partition of the data, and how EM ended."""
     labels: list[IntArray] = partitions(data, n_components, options.effort.starts, options.seed)
@@ -114,7 +101,7 @@ def initial_mixtures(
     starts = []
     for index, partition in enumerate(labels):
         starts.append(constrained_em(partition, *data.points, barrier, iterations=iterations, floor=floor))
-        progress(Progress("mixtures", index + 1, len(labels), -log_likelihood(starts[-1][0], *data.points)))
+        progress("mixtures", index + 1, len(labels))
     return starts
 
 
@@ -123,7 +110,7 @@ def optimise(
     barrier: StabilityBarrier,
     mixtures: list[JointMixture],
     options: LearnOptions,
-    progress: ProgressCallback,
+    progress: Progress,
 ) -> tuple[State, JointMixture, tuple[StageResult, ...]]:
     """Probe every start, polish the one whose rollouts are best, and check it with a fine integration.
 
@@ -139,23 +126,24 @@ def optimise(
     for index, mixture in enumerate(mixtures):
         state = State(objective.evaluate(field_of(mixture)), barrier)
         states.append(minimise(objective, state, effort.probe_steps)[0])
-        progress(Progress("starts", index + 1, len(mixtures), states[-1].cost))
+        done, total = index + 1, len(mixtures)
+        progress(f"start {done} of {total}, objective {states[-1].cost:.3g}", done, total)
     best = min(range(len(states)), key=lambda i: ranking.evaluate(states[i].evaluation.field).cost)
 
-    def on_step(step: int, cost: float) -> None:
-        progress(Progress("polish", step, effort.polish_steps, cost))
+    def on_step(step: int, _: float) -> None:
+        progress("polish", step, effort.polish_steps)
 
     state, polished = minimise(objective, states[best], effort.polish_steps, on_step=on_step)
     results: tuple[StageResult, ...] = (polished,)
     if rollouts:
         state, refined = _checked_finely(data, state, effort, progress)
         results += refined
-    progress(Progress("polish", effort.polish_steps, effort.polish_steps, state.cost))
+    progress("polish", effort.polish_steps, effort.polish_steps)
     return state, mixtures[best], results
 
 
 def _checked_finely(
-    data: TrainingData, state: State, effort: Effort, progress: ProgressCallback
+    data: TrainingData, state: State, effort: Effort, progress: Progress
 ) -> tuple[State, tuple[StageResult, ...]]:
     """Integrate four times as finely; where that costs more, polish with twice as fine rollouts.
 
@@ -170,6 +158,6 @@ def _checked_finely(
     finer = LearningObjective(data, substeps=2)
     restart = replace(state, evaluation=finer.evaluate(field))
     refined, result = minimise(finer, restart, effort.polish_steps // 2, stage="refine")
-    progress(Progress("refine", effort.polish_steps, effort.polish_steps, refined.cost))
+    progress("refine", effort.polish_steps, effort.polish_steps)
     better = fine.evaluate(refined.evaluation.field).cost < cost
     return (refined, (result,)) if better else (state, ())

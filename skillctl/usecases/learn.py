@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias, cast
@@ -14,7 +14,6 @@ from skillctl.evaluate.left_out import LeftOut, held_out, leave_out_in_turn
 from skillctl.learning.fit import Fit, fit
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, embedded
-from skillctl.learning.solve import Progress as LearningProgress
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
@@ -144,7 +143,7 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         read = reading.read(request.paths)
         provenance = _provenance(read)
         require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
-        fitted = fit(read.demonstrations, options, progress=_adapted(progress))
+        fitted = fit(read.demonstrations, options, progress=progress)
         certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
         left_out = _left_out(read, request, progress)
         artifact = _artifact(fitted, operation, provenance, held_out(left_out) if left_out else None)
@@ -201,19 +200,6 @@ def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[
     learning["components"] = learning.pop("n_components")
     del learning["seed"]  # the operation has a place of its own for it
     return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
-
-
-def _adapted(progress: Progress | None) -> Callable[[LearningProgress], None] | None:
-    if progress is None:
-        return None
-    return lambda step: progress(_told(step), step.done, step.total)
-
-
-def _told(step: LearningProgress) -> str:
-    """Return a stage in words: every start is one of its own, told with what it came to."""
-    if step.stage != "starts":
-        return step.stage
-    return f"start {step.done} of {step.total}, objective {step.objective:.3g}"
 
 
 def _provenance(read: ReadResult) -> Provenance:

@@ -23,7 +23,7 @@ FAST = LearnOptions(preset="fast")
 
 
 def selected(data: TrainingData, limit: int = 10) -> int:
-    return select_components(data, np.eye(data.dimension), FAST, limit, lambda _: None)
+    return select_components(data, np.eye(data.dimension), FAST, limit, lambda *_: None)
 
 
 def scored(monkeypatch: pytest.MonkeyPatch, name: str, scores: dict[int, float]) -> None:
@@ -76,7 +76,7 @@ def test_the_criterion_is_that_of_schwarz(curved: Curved) -> None:
     data = linear_motion(noise=0.1)
     for k in (1, 3):
         barrier = stability_barrier(data, np.eye(2), FAST)
-        mixture: JointMixture = initial_mixtures(data, barrier, k, FAST, lambda _: None)[0][0]
+        mixture: JointMixture = initial_mixtures(data, barrier, k, FAST, lambda *_: None)[0][0]
         x, v = data.points
         densities = sum(
             mixture.priors[i]
@@ -101,7 +101,7 @@ def test_the_error_is_that_on_demonstrations_that_were_left_out(curved: Curved) 
     errors = []
     for out in ([0, 4], [1, 5], [2], [3]):  # each in turn, in four folds
         kept = [i for i in range(6) if i not in out]
-        learned = solve(part(data, kept), np.eye(2), 2, FAST, lambda _: None)
+        learned = solve(part(data, kept), np.eye(2), 2, FAST, lambda *_: None)
         errors.append(LearningObjective(part(data, out)).evaluate(learned.field).cost)
     assert select._left_out_error(data, np.eye(2), 2, FAST) == pytest.approx(np.mean(errors), rel=1e-12)
 

@@ -13,7 +13,6 @@ from skillctl.learning.options import EFFORTS, LearnOptions, Objective
 from skillctl.learning.preprocess import align, training_data
 from skillctl.learning.solve import (
     COARSE_AND_FINE,
-    Progress,
     initial_mixtures,
     optimise,
     solve,
@@ -29,8 +28,8 @@ def test_a_fit_that_exploits_its_own_step_size_is_polished_finer(curved: Curved)
     data = training_data(*align(curved(count=6)), samples=6)
     options = LearnOptions(preset="fast", period=0.0)
     barrier = stability_barrier(data, np.eye(2), options)
-    mixtures = [start[0] for start in initial_mixtures(data, barrier, 3, options, lambda _: None)]
-    seen: list[Progress] = []
+    mixtures = [start[0] for start in initial_mixtures(data, barrier, 3, options, lambda *_: None)]
+    seen: list[str] = []
     state, _, results = optimise(data, barrier, mixtures, options, seen.append)
     assert [result.stage for result in results] == ["polish", "refine"]
     assert "refine" in {p.stage for p in seen}
@@ -62,14 +61,14 @@ def test_the_start_with_the_best_motion_goes_on(
     data = training_data(*align(curved(count=6)), samples=40)
     options = LearnOptions(objective=objective, preset="fast")
     barrier = stability_barrier(data, np.eye(2), options)
-    ((mixture, ended), *_) = initial_mixtures(data, barrier, 3, options, lambda _: None)
+    ((mixture, ended), *_) = initial_mixtures(data, barrier, 3, options, lambda *_: None)
     # Components that all do the same have no gates to gain from: they cannot bow as the motion does.
     straight = replace(mixture, matrices=np.tile(-np.eye(2), (3, 1, 1)), means=np.zeros((3, 2)))
     starts = [(mixture if index == good else straight, ended) for index in range(3)]
     monkeypatch.setattr(solve_module, "initial_mixtures", lambda *_: starts)
     monkeypatch.setitem(EFFORTS, "fast", replace(EFFORTS["fast"], probe_steps=0))
 
-    solution = solve(data, np.eye(2), 3, options, lambda _: None)
+    solution = solve(data, np.eye(2), 3, options, lambda *_: None)
     assert solution.log_likelihood == log_likelihood(mixture, *data.points)
     assert [result.stage for result in solution.results] == (
         ["mixture"] if objective == "likelihood" else ["polish"]
@@ -88,7 +87,7 @@ def test_a_fit_with_fine_steps_is_left_alone(curved: Curved) -> None:
     data = training_data(*align(curved(count=6)), samples=40)
     options = LearnOptions(preset="fast")
     barrier = stability_barrier(data, np.eye(2), options)
-    seen: list[Progress] = []
-    mixtures = [start[0] for start in initial_mixtures(data, barrier, 3, options, lambda _: None)]
-    optimise(data, barrier, mixtures, options, seen.append)
-    assert "refine" not in {p.stage for p in seen}
+    seen: list[str] = []
+    mixtures = [start[0] for start in initial_mixtures(data, barrier, 3, options, lambda *_: None)]
+    optimise(data, barrier, mixtures, options, lambda stage, *_: seen.append(stage))
+    assert "refine" not in seen
