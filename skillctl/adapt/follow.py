@@ -1,4 +1,4 @@
-"""Weights with which a merger goes where it was shown: fitted to whole motions, not to velocities."""
+"""Weights of a merger fitted to whole demonstrated motions, not to their velocities alone."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillctl.adapt.options import FitLevel
-from skillctl.adapt.weights import scaled_components
+from skillctl.adapt.weights import WeightedMerger
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.geometry import path_length, resample_by_arc_length
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
-from skillctl.model.skill import ActingSkill, contraction_period
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import ActingSkill, AnyActing, contraction_period
 from skillctl.model.stepper import moved
 
 PERIOD = LearnOptions().period  # [s] of a controller; the result keeps it if its parts do
@@ -33,21 +34,9 @@ EVALUATIONS = 20
 NUDGE = 1e-4  # of a logarithm, for finite differences
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Followed:
-    """A merged skill, and the weight of each given part in it, zero for one left out. Shape (parts,)."""
-
-    skill: MergedSkill
-    weights: FloatArray
-
-
 def follow(
-    parts: Sequence[ActingSkill],
-    shown: DemonstrationSet,
-    weights: FloatArray,
-    *,
-    level: FitLevel,
-) -> Followed:
+    parts: Sequence[ActingSkill], demonstrations: DemonstrationSet, weights: FloatArray, *, level: FitLevel
+) -> WeightedMerger:
     """Return the superposition of the parts whose motions come nearest to demonstrations of a new task.
 
     From ``weights``, a local search for the factors with the smallest mean squared distance between the
@@ -61,20 +50,22 @@ def follow(
 
     Args:
         parts: Two or more SEDS or merged skills with one attractor and one Lyapunov matrix.
-        shown: Demonstrations of the new task; each counts relative to its own end.
+        demonstrations: Of the new task; each counts relative to its own end.
         weights: Where the search begins, one per part, zero or more, not all zero.
         level: One factor per part, or one per component.
+
+    Returns:
+        The merger, and its weights up to a common factor (with one factor per component: the shares).
 
     References:
         Section 3.1 of the paper, h̃ᵏ = αᵏ hᵏ; fitting motions instead of velocities is ours.
     """
-    # Imported late: it would double the start-up time of every merge
-    from scipy.optimize import Bounds, least_squares
+    from scipy.optimize import Bounds, least_squares  # late, as in ``weights``
 
     mixture = _Mixture.of(tuple(parts), weights, level)
     neutral = np.ones(len(mixture.owners))
-    speed = mixture.speed(neutral, shown)
-    paths = _Paths.of(shown, parts[0].attractor)
+    speed = mixture.speed(neutral, demonstrations)
+    paths = _Paths.of(demonstrations, parts[0].attractor)
     step = mixture.step(speed, paths.longest)
     strength = PULL / np.sqrt(len(neutral))
 
@@ -97,7 +88,7 @@ def follow(
         ftol=1e-4,
     )
     factors = np.exp(found.x)
-    return mixture.merged(factors, mixture.speed(factors, shown))
+    return mixture.merged(factors, mixture.speed(factors, demonstrations))
 
 
 def slowed(merged: MergedSkill) -> MergedSkill:
@@ -158,10 +149,10 @@ class _Mixture:
             )
         return np.asarray(self.shares[self.owners, None] * fields)
 
-    def speed(self, factors: FloatArray, shown: DemonstrationSet) -> float:
+    def speed(self, factors: FloatArray, demonstrations: DemonstrationSet) -> float:
         """Return the speed that fits demonstrated velocities, as far as the controller period allows."""
         along, own = 0.0, 0.0
-        for motion in shown:
+        for motion in demonstrations:
             x = motion.positions - motion.positions[-1] + self.parts[0].attractor
             velocities = np.einsum("m,nmd->nd", factors, self.fields(x))
             along += float(np.mean(velocities * motion.velocities))
@@ -190,12 +181,12 @@ class _Mixture:
         high = np.minimum(FACTORS[1], self.periods / advance)
         return low, np.maximum(high, 1.0 + NUDGE)
 
-    def merged(self, factors: FloatArray, speed: float) -> Followed:
+    def merged(self, factors: FloatArray, speed: float) -> WeightedMerger:
         """Return the superposition with these factors, without parts of next to no influence."""
         if self.level == "component":
             splits = [factors[self.owners == i] for i in range(len(self.parts))]
             scaled = [scaled_components(*pair) for pair in zip(self.parts, splits, strict=True)]
-            return Followed(MergedSkill(tuple(scaled), self.shares, speed=speed), self.shares)
+            return WeightedMerger(MergedSkill(tuple(scaled), self.shares, speed=speed), self.shares)
         weights = self.shares * factors
         weights[weights < DROPPED * weights.sum()] = 0
         used = np.flatnonzero(weights)
@@ -203,12 +194,12 @@ class _Mixture:
         skill = MergedSkill(
             chosen, weights[used] / weights[used].sum(), speed=speed * float(weights[used].sum())
         )
-        return Followed(skill, weights)
+        return WeightedMerger(skill, weights)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Paths:
-    """Where motions shall go.
+    """The demonstrated paths.
 
     Attributes:
         goal: Where all end, (d,).
@@ -223,10 +214,10 @@ class _Paths:
     longest: float
 
     @classmethod
-    def of(cls, shown: DemonstrationSet, goal: FloatArray) -> _Paths:
-        curves = [resample_by_arc_length(m.positions - m.positions[-1] + goal, POINTS) for m in shown]
-        stacked = np.stack(curves)
-        return cls(goal, stacked, path_length(stacked), max(motion.duration for motion in shown))
+    def of(cls, demonstrations: DemonstrationSet, goal: FloatArray) -> _Paths:
+        paths = [m.positions - m.positions[-1] + goal for m in demonstrations]
+        curves = np.stack([resample_by_arc_length(path, POINTS) for path in paths])
+        return cls(goal, curves, path_length(curves), max(m.duration for m in demonstrations))
 
     def misses(self, mixture: _Mixture, factors: FloatArray, step: float) -> FloatArray:
         """Return how far motions with factors (b, m) are off, in shares of the lengths. Shape (b, …)."""
@@ -249,3 +240,15 @@ class _Paths:
                 break
         path.append(np.broadcast_to(self.goal, x.shape))
         return np.stack(path, axis=1)
+
+
+def scaled_components(part: AnyActing, factors: FloatArray) -> AnyActing:
+    """Return the part with its components' velocities multiplied by positive factors (K,): h̃ᵏ = αᵏ hᵏ."""
+    splits = iter(np.split(factors, np.cumsum([leaf.n_components for leaf in part.leaves])[:-1]))
+
+    def scaled(leaf: SedsSkill) -> SedsSkill:
+        own = next(splits)[:, None, None]
+        matrices, residuals = leaf.system_matrices * own, leaf.residual_covariances * own**2
+        return replace(leaf, system_matrices=matrices, residual_covariances=residuals)
+
+    return part.with_leaves(scaled)

@@ -11,7 +11,7 @@ import numpy as np
 from skillctl import metrics
 from skillctl.adapt.follow import follow, slowed
 from skillctl.adapt.options import FitLevel
-from skillctl.adapt.weights import adapt as adapt_weights
+from skillctl.adapt.weights import fit_velocities
 from skillctl.arrays import FloatArray
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.errors import FitError
@@ -23,7 +23,7 @@ from skillctl.model.skill import ActingSkill, Skill, contraction_period
 from skillctl.model.space import Space
 
 PER_PART = "weights per part"
-NEIGHBOURHOOD = 0.1  # of the way to its end, that starts next to a demonstrated one are away from it
+NEIGHBOURHOOD = 0.1  # distance of a neighbour's start, as a share of the demonstration's way to its end
 PAIRED = 4  # single parts, the nearest, of which pairs are tried
 PATIENCE = 5  # durations of the longest demonstration that a motion is followed
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
@@ -53,8 +53,8 @@ class FittedMerger:
     Attributes:
         skill: Superposition of the parts used; its speed is the sum of the weights.
         used: Indices of the parts with a weight.
-        choice: The best way: ``one part``, ``equal weights``, ``equal weights of two``, ``weights per part``
-            or ``per component``.
+        choice: How the weights were found: ``one part``, ``equal weights``, ``equal weights of two``,
+            ``weights per part`` or ``per component``.
         errors: On the demonstrations given.
         held_out: The same on each demonstration with weights fitted to the others; None for a single one.
     """
@@ -68,9 +68,14 @@ class FittedMerger:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """One way to merge, its weights (number of given parts,), and its error on demonstrations and neighbours.
+    """One way to merge.
 
-    Distances have shape (n, 1 + 2d): each demonstration comes first, then its neighbours.
+    Attributes:
+        skill: The merger.
+        weights: Of each given part. Shape (number of given parts,).
+        choice: What it is called in reports.
+        distances: DTW distance to each demonstration, in the first column, and to its neighbours.
+            Shape (n, 1 + 2d).
     """
 
     skill: MergedSkill
@@ -78,9 +83,13 @@ class _Candidate:
     choice: str
     distances: FloatArray
 
-    @property
-    def used(self) -> tuple[int, ...]:
-        return tuple(np.flatnonzero(self.weights).tolist())
+    @classmethod
+    def of(
+        cls, skill: MergedSkill, weights: FloatArray, choice: str, families: Sequence[DemonstrationSet]
+    ) -> _Candidate:
+        motions = tuple(motion for family in families for motion in family)
+        distances = task_distances(skill, DemonstrationSet(motions, skill.space), skill.attractor)
+        return cls(skill, weights, choice, distances.reshape(len(families), -1))
 
 
 def fit_to_task(
@@ -93,11 +102,11 @@ def fit_to_task(
 ) -> FittedMerger:
     """Return the merger of parts whose motions come nearest to demonstrations of a new task.
 
-    Least squares on velocities (``compose.adapt``) say little about where a motion goes; so the best of
-    those weights, equal ones and one part alone is where ``follow`` starts to fit whole motions, and of
-    everything tried that is on these demonstrations no worse than one part alone or equal weights, the mean
-    DTW distance to them and to their neighbours decides. What it does not show: how near motions from other
-    starts come, for which see ``held_out``.
+    Least squares on velocities (``fit_velocities``) say little about where a motion goes. So ``follow`` fits
+    whole motions, from the best of those weights, equal weights and one part alone. Of everything tried, the
+    result has the smallest mean DTW distance to the demonstrations and their neighbours, provided that on
+    the demonstrations alone it does at least as well as one part alone and equal weights. What it does not
+    show: how near motions from other starts come, for which see ``held_out``.
 
     Args:
         parts: Two or more SEDS or merged skills.
@@ -107,7 +116,8 @@ def fit_to_task(
         target: Attractor of the result; by default the mean of the demonstrations' end points.
 
     Raises:
-        UsageError, FitError: As ``compose.adapt``.
+        UsageError, NoCommonLyapunovError: As ``compose.merge``.
+        FitError: Every mixture that was tried diverges.
     """
     if target is None:
         target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
@@ -126,7 +136,8 @@ def fit_to_task(
         folds = [_best(plain, _fitted(plain, pairs, parts, families, level, i), i) for i in range(len(task))]
         held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances[:, 0])
-    return FittedMerger(best.skill, best.used, best.choice, errors, held_out)
+    used = tuple(np.flatnonzero(best.weights).tolist())
+    return FittedMerger(best.skill, used, best.choice, errors, held_out)
 
 
 def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
@@ -149,8 +160,8 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
 def _family(motion: Demonstration, space: Space) -> DemonstrationSet:
     """Return a demonstration and its neighbours: moved at its start to either side, fading along the way.
 
-    A single demonstration says nothing of where motions from other starts should go; that they should
-    differ ever less from it is the least that can be said.
+    A single demonstration does not show where motions from other starts should go. The neighbours stand for
+    the least that may be expected: such motions come ever nearer to it.
     """
     x = motion.positions
     fading = (1 - phases(x))[:, None]
@@ -162,21 +173,15 @@ def _family(motion: Demonstration, space: Space) -> DemonstrationSet:
     return DemonstrationSet((motion, *neighbours), space)
 
 
-def _distances(skill: Skill, families: Sequence[DemonstrationSet], attractor: FloatArray) -> FloatArray:
-    motions = [motion for family in families for motion in family]
-    distances = task_distances(skill, DemonstrationSet(tuple(motions), families[0].space), attractor)
-    return distances.reshape(len(families), -1)
-
-
 def _unfitted(parts: Sequence[ActingSkill], families: Sequence[DemonstrationSet]) -> list[_Candidate]:
     """Return equal weights, and then each part alone."""
     merged = merge_skills(parts)
-    ways = [(merged, np.ones(len(parts)), "equal weights")]
-    ways += [
-        (MergedSkill((part,), np.ones(1)), weights, "one part")
+    equal = _Candidate.of(merged, np.ones(len(parts)), "equal weights", families)
+    alone = [
+        _Candidate.of(MergedSkill((part,), np.ones(1)), weights, "one part", families)
         for part, weights in zip(merged.parts, np.eye(len(parts)), strict=True)
     ]
-    return [_Candidate(*way, _distances(way[0], families, merged.attractor)) for way in ways]
+    return [equal, *alone]
 
 
 def _pairs(plain: Sequence[_Candidate], families: Sequence[DemonstrationSet]) -> list[_Candidate]:
@@ -184,15 +189,18 @@ def _pairs(plain: Sequence[_Candidate], families: Sequence[DemonstrationSet]) ->
 
     A local search from the best single part stays with it where a pair would be better.
     """
-    alone = sorted(plain[1:], key=lambda candidate: float(candidate.distances.mean()))[:PAIRED]
-    if len(plain) == 3:  # two parts: that pair is equal weights
+    if len(plain) == 3:  # there are two parts, and equal weights are their pair
         return []
-    found = []
-    for first, second in combinations(alone, 2):
-        skill = MergedSkill((*first.skill.parts, *second.skill.parts), np.full(2, 0.5))
-        distances = _distances(skill, families, skill.attractor)
-        found.append(_Candidate(skill, first.weights + second.weights, "equal weights of two", distances))
-    return found
+    alone = sorted(plain[1:], key=lambda candidate: float(candidate.distances.mean()))[:PAIRED]
+    return [
+        _Candidate.of(
+            MergedSkill((*first.skill.parts, *second.skill.parts), np.full(2, 0.5)),
+            first.weights + second.weights,
+            "equal weights of two",
+            families,
+        )
+        for first, second in combinations(alone, 2)
+    ]
 
 
 def _fitted(
@@ -203,49 +211,47 @@ def _fitted(
     level: FitLevel,
     omitted: int | None = None,
 ) -> list[_Candidate]:
-    """Return weights fitted to demonstrations and their neighbours, one of them not looked at."""
-    looked_at = [motion for i, family in enumerate(families) if i != omitted for motion in family]
-    shown = DemonstrationSet(tuple(looked_at), families[0].space)
-    goal = parts[0].attractor
-    try:
-        adapted = adapt_weights(parts, shown, target=goal)
-    except FitError:  # nothing moves along; equal weights remain
+    """Return the pairs, and weights fitted to demonstrations and their neighbours, without one of them.
+
+    None where no mixture moves along with the demonstrations: then the unfitted candidates remain.
+    """
+    kept = tuple(motion for i, family in enumerate(families) if i != omitted for motion in family)
+    demonstrations = DemonstrationSet(kept, families[0].space)
+    nearest = fit_velocities(parts, demonstrations)
+    if nearest is None:
         return []
-    skill = slowed(adapted.skill)
-    nearest = _Candidate(skill, adapted.weights, PER_PART, _distances(skill, families, goal))
-    found = [nearest, *pairs]
+    found = [_Candidate.of(slowed(nearest.skill), nearest.weights, PER_PART, families), *pairs]
     ways: dict[FitLevel, str] = {"part": PER_PART}
     if level == "component":
         ways["component"] = "per component"
     for kind, choice in ways.items():
         start = _best(plain, found, omitted).weights
-        followed = follow(parts, shown, start, level=kind)
-        distances = _distances(followed.skill, families, goal)
-        found.append(_Candidate(followed.skill, followed.weights, choice, distances))
+        followed = follow(parts, demonstrations, start, level=kind)
+        found.append(_Candidate.of(followed.skill, followed.weights, choice, families))
     return found
 
 
 def _best(
     plain: Sequence[_Candidate], fitted: Sequence[_Candidate], omitted: int | None = None
 ) -> _Candidate:
-    """Return who comes nearest to demonstrations and neighbours, one demonstration not looked at.
+    """Return the candidate with the least distance to demonstrations and neighbours, without one of them.
 
-    Nobody who is worse on the demonstrations alone than one part, or equal weights, comes into question.
+    A candidate must do at least as well on the demonstrations alone as the best unfitted one.
     """
 
     def error(candidate: _Candidate, members: slice = slice(None)) -> float:
-        seen = candidate.distances if omitted is None else np.delete(candidate.distances, omitted, axis=0)
-        return float(seen[:, members].mean())
+        kept = candidate.distances if omitted is None else np.delete(candidate.distances, omitted, axis=0)
+        return float(kept[:, members].mean())
 
-    shown = slice(0, 1)
-    least = min(error(candidate, shown) for candidate in plain)
-    return min((c for c in (*plain, *fitted) if error(c, shown) <= least), key=error)
+    alone = slice(0, 1)
+    least = min(error(candidate, alone) for candidate in plain)
+    return min((c for c in (*plain, *fitted) if error(c, alone) <= least), key=error)
 
 
 def _errors(plain: Sequence[_Candidate], fitted: FloatArray) -> TaskErrors:
+    """Return the errors of the unfitted candidates beside the ``fitted`` distances (n,)."""
     equal, *singles = (_mean(candidate.distances[:, 0]) for candidate in plain)
-    values = [np.inf if single is None else single for single in singles]
-    best = int(np.argmin(values))
+    best = int(np.argmin([np.inf if single is None else single for single in singles]))
     return TaskErrors(singles[best], best + 1, equal, _mean(fitted))
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from skillctl.adapt import follow as module
 from skillctl.adapt import task as task_module
-from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, slowed
+from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, scaled_components, slowed
 from skillctl.adapt.task import fit_to_task, task_distances
-from skillctl.adapt.weights import scaled_components
+from skillctl.adapt.weights import WeightedMerger
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
@@ -144,7 +144,7 @@ def test_the_search_begins_at_the_best_that_is_known_which_stays_slow_enough(par
 
     def useless(members, shown, weights, *, level):
         seen.append(weights / weights.sum())
-        return module.Followed(MergedSkill(members[:1], np.ones(1)), np.eye(3)[0])
+        return WeightedMerger(MergedSkill(members[:1], np.ones(1)), np.eye(3)[0])
 
     monkeypatch.setattr(task_module, "follow", useless)
     truth = merge_skills(parts, part_weights=[1, 6, 2])
