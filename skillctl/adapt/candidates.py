@@ -17,17 +17,17 @@ from skillctl.store.source import Source, open_skill
 MOST_PARTS = 5  # each more makes a common proof harder
 
 
-def require_same_space(sources: Sequence[Source], shown: DemonstrationSet) -> None:
-    """Raise UsageError unless demonstrations mean by their numbers what the skills do."""
-    space = sources[0].skill.space
-    if shown.dimension != space.dimension:
+def require_same_space(sources: Sequence[Source], demonstrations: DemonstrationSet) -> None:
+    """Raise UsageError unless demonstrations have the dimension, unit and frame of the skills."""
+    given, space = demonstrations.space, sources[0].skill.space
+    if given.dimension != space.dimension:
         raise UsageError(
-            f"merge: the demonstrations have {shown.dimension} dimensions ({', '.join(shown.space.names)}), "
+            f"merge: the demonstrations have {given.dimension} dimensions ({', '.join(given.names)}), "
             f"{sources[0].name} has {space.dimension} ({', '.join(space.names)}).",
             hint="Fit to demonstrations with the same columns as the skills'.",
         )
     for what in ("unit", "frame"):
-        found, expected = getattr(shown.space, what), getattr(space, what)
+        found, expected = getattr(given, what), getattr(space, what)
         if found != expected:
             raise UsageError(
                 f"merge: {what} of the demonstrations: {found}; of {sources[0].name}: {expected}.",
@@ -37,37 +37,39 @@ def require_same_space(sources: Sequence[Source], shown: DemonstrationSet) -> No
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Skills of a store.
+    """Skills that may take part in a merger.
 
     Attributes:
         helpful: The two to ``MOST_PARTS`` that move along with the task.
-        digests: Of all that have the state space of the task.
-        notes: Which could not be read.
+        digests: Of all skills in the state space of the task.
+        notes: A sentence for each skill that could not be read.
     """
 
     helpful: tuple[Source, ...]
     digests: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def candidates_from_store(
-    store: str | Path | None, shown: DemonstrationSet, lock: Lock | None = None, *, but: str | None = None
+    store: str | Path | None,
+    demonstrations: DemonstrationSet,
+    lock: Lock | None = None,
+    *,
+    but: str | None = None,
 ) -> Candidates:
-    """Return the newest version of each skill of the store that helps with a task.
-
-    Under a lock, the version that it names of each skill that it names. Combined skills are none.
+    """Return the newest version of each skill of the store that helps with a task; combined skills do not.
 
     Args:
         store: Its directory; default as on the command line.
-        shown: Demonstrations of the task.
-        lock: Allow only skills that it names.
-        but: A name that is not considered: the result's own, or each run would build on the last.
+        demonstrations: Of the task.
+        lock: Consider only the skills and the versions that it names.
+        but: A name to leave out: that of the result, since otherwise each run would build on the last.
 
     Raises:
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
-        FitError: None moves along with them.
+        FitError: No skill moves along with them.
     """
-    registry = Registry(locate_store(store))
+    registry, space = Registry(locate_store(store)), demonstrations.space
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():
@@ -80,29 +82,28 @@ def candidates_from_store(
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
             continue
-        if isinstance(source.skill, ActingSkill) and source.skill.space == shown.space:
+        if isinstance(source.skill, ActingSkill) and source.skill.space == space:
             sources.append(source)
     if len(sources) < 2:
         raise UsageError(
             f"the store {registry.root} has {len(sources)} skills with coordinates "
-            f"{', '.join(shown.space.names)} in {shown.space.unit}, frame {shown.space.frame}; at least two "
-            "are needed.",
+            f"{', '.join(space.names)} in {space.unit}, frame {space.frame}; at least two are needed.",
             hint="Learn more skills, or name another store with --store.",
         )
     digests = tuple(source.artifact.digest for source in sources)
-    return Candidates(_helpful(sources, shown), digests, tuple(notes))
+    return Candidates(_helpful(sources, demonstrations), digests, tuple(notes))
 
 
-def _helpful(sources: Sequence[Source], shown: DemonstrationSet) -> tuple[Source, ...]:
-    """Return those that help when they act together; one that helps alone gets the next best for company."""
+def _helpful(sources: Sequence[Source], demonstrations: DemonstrationSet) -> tuple[Source, ...]:
+    """Return the skills that help when they act together; if one alone helps, the next best joins it."""
     parts = [source.skill for source in sources if isinstance(source.skill, ActingSkill)]
-    chosen = most_helpful(parts, shown, MOST_PARTS)
+    chosen = most_helpful(parts, demonstrations, MOST_PARTS)
     if not chosen:
         raise FitError(
             "no skill of the store moves along with the demonstrations.", hint="Learn the task from them."
         )
     if len(chosen) == 1:
         others = [i for i in range(len(parts)) if i not in chosen]
-        second = most_helpful([parts[i] for i in others], shown, 1) or (0,)
+        second = most_helpful([parts[i] for i in others], demonstrations, 1) or (0,)
         chosen = (*chosen, others[second[0]])
     return tuple(sources[i] for i in sorted(chosen))

@@ -1,4 +1,4 @@
-"""Parts that are proved together: one Lyapunov matrix for all, found, or made by learning them again."""
+"""One Lyapunov matrix for all parts: found, or made by learning the parts again from what they carry."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from skillctl.adapt.refit import Refit, conflict_of, refit_parts
 from skillctl.arrays import FloatArray
-from skillctl.compose.lyapunov import common_lyapunov_of
+from skillctl.compose.lyapunov import common_lyapunov_of, conflicting_parts
 from skillctl.errors import FitError
+from skillctl.evaluate.errors import mean_dtw, report_errors
+from skillctl.learning.fit import fit, learned_metric
 from skillctl.learning.options import LearnOptions
-from skillctl.model.skill import Skill, contraction_period
+from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import Skill, contraction_period, retargeted
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least
@@ -21,8 +24,25 @@ from skillctl.store.ties import LyapunovOrigin
 
 Build: TypeAlias = Callable[[Sequence[Skill], FloatArray], Skill]
 
-SLOW_SHARE = 0.2  # a common P that proves less than this of the slowest part's rate is worth a refit
-PERIOD_SHARE = 0.9  # of the shortest certified period of a part: at all of it no P has any margin
+SLOW_SHARE = 0.2  # parts are refitted if the common P proves less than this of the slowest part's rate
+PERIOD_SHARE = 0.9  # of the shortest certified period of a part: for the whole of it no P leaves a margin
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A leaf that was learned again under the common Lyapunov matrix.
+
+    Attributes:
+        skill: The parent it belongs to.
+        leaf: Which leaf of the new skill, counted from 1.
+        dtw_before, dtw_after: Mean distance of its motions to its demonstrations, in the unit of the space;
+            None if a rollout diverged.
+    """
+
+    skill: str
+    leaf: int
+    dtw_before: float | None
+    dtw_after: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +52,12 @@ class Together:
     Attributes:
         parts: As they were, or learned again.
         lyapunov: The common P, shape (d, d).
-        origin: ``shared`` by all parts already, ``found`` for them, or parts ``refitted`` under it.
+        origin: ``shared``: all parts had it already. ``found``: by a search. ``refitted``: the parts were
+            learned again under it.
         rate: Proved for the skill that was built of them, [1/s].
         refits: Leaves learned again, if any.
         reports: On the demonstrations of all leaves.
-        notes: What is worth knowing, in sentences.
+        notes: Sentences for the user.
     """
 
     parts: tuple[Skill, ...]
@@ -67,13 +88,13 @@ def prove_together(
 ) -> Together:
     """Return the parts under one Lyapunov matrix with which what ``build`` makes of them is proved.
 
-    A P that also proves steps of the controller period skills are learned for is preferred. Where no P is
-    found, or only one that proves next to no decay, the parts are learned again under a common one.
+    The search prefers a P that also proves steps of the controller period that skills are learned for. Where
+    it finds no P, or one that proves hardly any decay, the parts are learned again under a common one.
 
     Args:
         sources: The parts.
         build: Makes the skill to be proved, from parts and P.
-        speed: Factor on the velocity that it puts on them.
+        speed: Factor by which ``build`` multiplies the velocity of the parts.
         refit: Whether parts may be learned again.
         progress: Called with (stage, done, total) while parts are refitted.
 
@@ -97,7 +118,7 @@ def prove_together(
             return replace(again, notes=(note,))
     if found is None:
         raise FitError(
-            f"no one Lyapunov matrix proves {conflict_of(sources)}.",
+            f"no one Lyapunov matrix proves {_conflict(sources)}.",
             hint="Leave out --no-refit to learn them again under a common one.",
         )
     return found
@@ -120,15 +141,67 @@ def _as_they_are(sources: Sequence[Source], build: Build, speed: float) -> Toget
 
 
 def _learned_again(sources: Sequence[Source], build: Build, progress: Progress | None) -> Together:
-    again = refit_parts(sources, progress)
-    certificate = certify(build(again.parts, again.lyapunov))
+    """Return every leaf of every part learned again, from its demonstrations, under one Lyapunov matrix.
+
+    Raises:
+        FitError: A part carries no demonstrations, or the result is not proved.
+    """
+    taught = _required_demonstrations(sources)
+    lyapunov = learned_metric(taught)
+    leaves: list[SedsSkill] = []
+    refits: list[Refit] = []
+    reports: list[DemonstrationReport] = []
+    owned = [(source, leaf) for source in sources for leaf in source.skill.leaves]
+    for number, ((source, old), motions) in enumerate(zip(owned, taught, strict=True)):
+        if progress is not None:
+            progress(f"refitting {source.name}", number, len(owned))
+        fitted = fit(motions, _options_of(source, old), lyapunov=lyapunov)
+        new = replace(retargeted(fitted.skill, old.attractor), speed=old.speed)
+        before, after = (report_errors(leaf, motions, number) for leaf in (old, new))
+        leaves.append(new)
+        refits.append(Refit(source.name, number + 1, mean_dtw(before), mean_dtw(after)))
+        reports += after
+    remaining = iter(leaves)
+    parts = tuple(source.skill.with_leaves(lambda _: next(remaining)) for source in sources)
+    certificate = certify(build(parts, lyapunov))
     if certificate.verdict != "stable" or certificate.rate is None:
         raise FitError(
             f"the skills, learned again under one Lyapunov matrix, could not be proved: "
             f"{(*certificate.failures, 'no rate was found.')[0]}",
             hint="Learn them again, all with --metric euclidean.",
         )
-    return Together(again.parts, again.lyapunov, "refitted", certificate.rate, again.refits, again.reports)
+    return Together(parts, lyapunov, "refitted", certificate.rate, tuple(refits), tuple(reports))
+
+
+def _required_demonstrations(sources: Sequence[Source]) -> list[DemonstrationSet]:
+    taught: list[DemonstrationSet] = []
+    for source in sources:
+        for motions in source.artifact.demonstrations:
+            if motions is None:
+                raise FitError(
+                    f"no one Lyapunov matrix proves {_conflict(sources)}, and {source.name} carries no "
+                    "demonstrations from which it could be learned again.",
+                    hint="Learn the skills again with `skillctl learn --metric euclidean`: those always fit "
+                    "together.",
+                )
+            taught.append(motions)
+    return taught
+
+
+def _options_of(source: Source, leaf: SedsSkill) -> LearnOptions:
+    """Return how the leaf was learned, as far as its artifact says."""
+    recorded: dict[str, Any] = {}
+    if source.artifact.operation.command == "learn":
+        options = source.artifact.operation.options
+        recorded = {key: options[key] for key in ("objective", "preset", "slowest_rate") if key in options}
+        recorded["seed"] = source.artifact.operation.seed or 0
+    return LearnOptions(n_components=leaf.n_components, **recorded)
+
+
+def _conflict(sources: Sequence[Source]) -> str:
+    """Return the names of the skills that admit no common Lyapunov matrix, as in ``a and b``."""
+    group = conflicting_parts([source.skill for source in sources]) or range(len(sources))
+    return " and ".join(sources[index].name for index in group)
 
 
 def _own_rate(skill: Skill) -> float:
@@ -140,9 +213,9 @@ def _own_rate(skill: Skill) -> float:
 
 
 def _period_of(parts: Sequence[Skill], speed: float) -> float:
-    """Return the controller period that skills are learned for, or less where a part is certified for less.
+    """Return the controller period that skills are learned for, or less if a part is certified for less, [s].
 
-    In the time of the parts, which ``speed`` makes pass faster. [s].
+    It is measured in the time of the parts, which passes ``speed`` times as fast.
     """
     own = min(contraction_period(part) for part in parts)
     return min(speed * LearnOptions().period, PERIOD_SHARE * own)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from skillctl.cli.render import Table
 
 if TYPE_CHECKING:
-    from skillctl.adapt.refit import Refit
+    from skillctl.adapt.together import Refit
     from skillctl.cli.output import Output
     from skillctl.evaluate.errors import HeldOut
     from skillctl.stability.report import Certificate

@@ -1,4 +1,4 @@
-"""How differently two skills move, and how far their numbers and proofs are apart."""
+"""How differently two skills move, and how far apart their numbers and proofs are."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from skillctl.stability.report import Certificate
 
 GRID_POINTS = 1000  # at most
 STEPS = 400  # of a rollout, for the longest demonstration
-PATIENCE = 3  # rollouts may take so many times the longest demonstration
+PATIENCE = 3  # a rollout may take this many times as long as the longest demonstration
 MARGIN = 0.1  # the grid reaches beyond all demonstrations by this share of their extent
 
 
 @dataclass(frozen=True, eq=False)
 class LeafDifference:
-    """How far the numbers of two leaves are apart, components matched by means and covariances.
+    """How far apart the numbers of two leaves are, components matched by means and covariances.
 
     Attributes:
         leaf: Counted from 1, from left to right.
@@ -48,7 +48,7 @@ class LeafDifference:
 
 @dataclass(frozen=True)
 class FieldDifference:
-    """How far velocities are apart over some points.
+    """How far apart velocities are over some points.
 
     Attributes:
         points: How many.
@@ -84,7 +84,7 @@ class Behaviour:
 
 
 def leaf_differences(a: Skill, b: Skill) -> tuple[LeafDifference, ...] | None:
-    """Return how far the leaves of two skills are apart; None unless they are as many, in one space."""
+    """Return how far apart the leaves of two skills are; None for other numbers of leaves or other spaces."""
     if len(a.leaves) != len(b.leaves) or a.space != b.space:
         return None
     return tuple(
@@ -111,9 +111,10 @@ def _leaf_difference(number: int, a: SedsSkill, b: SedsSkill) -> LeafDifference:
 
 
 def matched_components(a: SedsSkill, b: SedsSkill) -> list[tuple[int, int]]:
-    """Return pairs of components that lie nearest, each in one pair, nearest pairs first served.
+    """Return pairs (component of a, component of b), each component in at most one pair, sorted.
 
-    The distance is ‖μ_a − μ_b‖² + ‖Σ_a − Σ_b‖ (Frobenius); ours.
+    The nearest two components that are still free form the next pair, until one skill has none left. The
+    distance is ‖μ_a − μ_b‖² + ‖Σ_a − Σ_b‖ (Frobenius); ours.
     """
     means = ((a.means[:, None] - b.means[None]) ** 2).sum(axis=2)
     spread = np.linalg.norm(a.covariances[:, None] - b.covariances[None], axis=(2, 3))
@@ -138,32 +139,28 @@ def compare_behaviour(
     """Return how differently two skills move.
 
     Args:
-        a: One skill.
-        b: The other.
+        a, b: The skills.
         taught: Demonstrations that either of them carries.
-        atol: What velocities and positions may differ by, in their units, and
-        rtol: by which share of what a has.
+        atol, rtol: Velocities and positions may differ by atol, in their units, plus rtol times those of a.
     """
     if a.space != b.space:
         return Behaviour(None, None, None, None, same=False)
     goals = (a.attractors, b.attractors)
-    points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, _means_of(a)])
+    means = [leaf.means for leaf in a.leaves]
+    points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, *means])
     with np.errstate(all="ignore"):  # an unstable skill's motions may leave float64: then they differ
         grid = _field(a, b, _grid(points), atol, rtol)
         shown = _field(a, b, points, atol, rtol) if taught else None
         distance = _rollout_distance(a, b, taught) if taught else None
-    counts_agree = len(goals[0]) == len(goals[1])
-    apart = float(a.space.distance(*goals).max()) if counts_agree else None
-    lengths = [length for length in (distance, np.inf if apart is None else apart) if length is not None]
+    apart = float(a.space.distance(*goals).max()) if len(goals[0]) == len(goals[1]) else None
     near = atol + rtol * float(np.ptp(points, axis=0).max())
-    fields = [field for field in (grid, shown) if field is not None]
-    same = all(field.within for field in fields) and all(length <= near for length in lengths)
+    same = (
+        grid.within
+        and (shown is None or shown.within)
+        and (distance is None or distance <= near)
+        and (apart is not None and apart <= near)
+    )
     return Behaviour(shown, grid, distance, apart, same=same)
-
-
-def _means_of(skill: Skill) -> FloatArray:
-    """Return the means of all components, shape (K, d)."""
-    return np.concatenate([leaf.means for leaf in skill.leaves])
 
 
 def _grid(points: FloatArray) -> FloatArray:
@@ -200,7 +197,7 @@ def _rollout_distance(a: Skill, b: Skill, taught: Sequence[Demonstration]) -> fl
         for skill in (a, b)
     ]
     length = max(path.shape[1] for path in paths)
-    # One that has arrived rests while the other goes on.
+    # A motion that has arrived rests while the other goes on.
     first, second = (
         np.concatenate([path, np.repeat(path[:, -1:], length - path.shape[1], axis=1)], axis=1)
         for path in paths

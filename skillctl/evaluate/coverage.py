@@ -1,4 +1,4 @@
-"""What a combined skill keeps of what its parts were taught, and priors that make it keep more."""
+"""How many demonstrations of its parts a combined skill keeps, and priors with which it keeps more."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from skillctl.model.skill import contraction_period
 DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 SWEEPS = 50  # over all parts; a handful is enough
-SMALLEST_LOG = -600.0  # of a prior relative to the largest: smaller ones are no numbers
-BEYOND = 1.0  # how far past the last border a log prior goes that has no next one
+SMALLEST_LOG = -600.0  # of a prior relative to the largest: much smaller ones underflow to zero
+BEYOND = 1.0  # how far a log prior lies beyond the first or last border, where the interval is open
 
 
 @dataclass(frozen=True, slots=True)
 class PartCoverage:
-    """How well a combined skill keeps what one of its parts was taught.
+    """How many demonstrations of one of its parts a combined skill keeps.
 
     Attributes:
         part: Counted from 1.
@@ -42,7 +42,7 @@ class PartCoverage:
 def coverage(
     skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
 ) -> tuple[PartCoverage, ...]:
-    """Return, for each part, how many of its demonstrations still start and end in it.
+    """Return, for each part with demonstrations, how many of them still start and end in it.
 
     A demonstration is a motion relative to its own end point, so it is laid out from where the part's
     attractor is now. Rollouts follow the skill's own gate.
@@ -82,14 +82,14 @@ def selected_shares(
 
 
 def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
-    """Return priors β with which more motions that start where a part was taught select that part.
+    """Return priors β with which more demonstrated starts of each part select that part.
 
-    Each part's share of starts that select it counts alike. One log β after the other moves to where the sum
-    of the shares is largest, to the middle between two borders, and stays where nothing is gained, until no
-    move gains anything: for two parts the best there is, for more a local best.
+    The search maximises the sum over the parts of the share of their starts that select them. It moves one
+    log β after the other to the middle of the interval in which the sum is largest, until no move increases
+    the sum: a global maximum for two parts, a local one for more.
 
     Args:
-        skill: A combined skill; its own priors are where the search begins.
+        skill: A combined skill; the search begins at its priors.
         demonstrations: As for ``coverage``.
 
     Returns:
@@ -124,8 +124,7 @@ def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[Demonstrati
 def _best_log_prior(groups: Sequence[tuple[int, FloatArray]], logs: FloatArray, part: int) -> float:
     """Return the value of log β of one part with which the sum of the parts' shares is largest.
 
-    Each start has one border: where this part becomes the one that is selected. Between borders nothing
-    changes.
+    Each start has one border: the value above which it selects this part. Between borders no share changes.
     """
     others = np.delete(np.arange(len(logs)), part)
     borders = np.concatenate(
@@ -145,21 +144,25 @@ def _best_log_prior(groups: Sequence[tuple[int, FloatArray]], logs: FloatArray, 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Taught:
-    """Where a part was shown to start, as (n, d) positions now, and how long its longest showing took [s]."""
+    """The demonstrations of one part.
+
+    Attributes:
+        starts: Where they begin, laid out from where the part's attractor is now. Shape (n, d).
+        longest: Duration of the longest, [s].
+    """
 
     starts: FloatArray
     longest: float
 
 
 def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> list[_Taught | None]:
-    """Return what each part was taught, laid out from where its attractor is now; None for nothing."""
+    """Return the demonstrations of each part; None for a part without any."""
     if len(demonstrations) != len(skill.leaves):
         raise UsageError(f"demonstrations: expected {len(skill.leaves)} sets, got {len(demonstrations)}.")
-    remaining = list(demonstrations)
+    remaining = iter(demonstrations)
     found: list[_Taught | None] = []
     for part in skill.parts:
-        sets = [remaining.pop(0) for _ in part.leaves]
-        motions = [motion for chosen in sets if chosen is not None for motion in chosen]
+        motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
         if not motions:
             found.append(None)
             continue

@@ -1,9 +1,9 @@
-"""How well a skill repeats what it was taught."""
+"""How well a skill repeats demonstrations, those it was learned from or others."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from skillctl.model.seds import SedsSkill
 from skillctl.store import DemonstrationReport
 
 STEPS_PER_DEMONSTRATION = 1000  # Euler's path error is then well below a thousandth of the motion's length
+PREFIX = "held_out_"  # of the names under which an operation keeps a ``HeldOut``
 PATIENCE = 10  # durations of the longest demonstration, after which a motion counts as not arriving
 
 
@@ -29,43 +30,32 @@ def report_errors(
         leaf: Which leaf of the whole skill tree ``skill`` is.
     """
     longest = max(demonstration.duration for demonstration in demonstrations)
-    rollouts = rollout(
-        skill,
-        np.stack([demonstration.positions[0] for demonstration in demonstrations]),
-        duration=PATIENCE * longest,
-        period=longest / STEPS_PER_DEMONSTRATION,
-    )
-    paths = [rollouts.trajectory(index)[1] for index in range(len(demonstrations))]
-    distances = [
-        metrics.dtw(path, shown.positions) for path, shown in zip(paths, demonstrations, strict=True)
-    ]
-    return [
-        DemonstrationReport(
-            source=demonstration.source,
-            leaf=leaf,
-            n_points=len(demonstration.times),
-            duration=demonstration.duration,
-            velocity_rmse=metrics.velocity_rmse(
-                skill.velocity(demonstration.positions), demonstration.velocities
-            ),
-            dtw=distance if np.isfinite(distance) else None,
-            end_error=metrics.end_error(path, skill.attractor),
-            arrived=bool(arrived),
+    starts = np.stack([demonstration.positions[0] for demonstration in demonstrations])
+    rollouts = rollout(skill, starts, duration=PATIENCE * longest, period=longest / STEPS_PER_DEMONSTRATION)
+    reports = []
+    for index, demonstration in enumerate(demonstrations):
+        path = rollouts.trajectory(index)[1]
+        distance = metrics.dtw(path, demonstration.positions)
+        velocities = skill.velocity(demonstration.positions)
+        reports.append(
+            DemonstrationReport(
+                source=demonstration.source,
+                leaf=leaf,
+                n_points=len(demonstration.times),
+                duration=demonstration.duration,
+                velocity_rmse=metrics.velocity_rmse(velocities, demonstration.velocities),
+                dtw=distance if np.isfinite(distance) else None,
+                end_error=metrics.end_error(path, skill.attractor),
+                arrived=bool(rollouts.arrived[index]),
+            )
         )
-        for demonstration, path, distance, arrived in zip(
-            demonstrations, paths, distances, rollouts.arrived, strict=True
-        )
-    ]
+    return reports
 
 
-def mean_dtw(reports: list[DemonstrationReport] | tuple[DemonstrationReport, ...]) -> float | None:
-    """Return the mean of the DTW distances, or None if one is missing."""
-    distances = [report.dtw for report in reports]
-    return (
-        None
-        if None in distances or not distances
-        else float(np.mean([d for d in distances if d is not None]))
-    )
+def mean_dtw(reports: Sequence[DemonstrationReport]) -> float | None:
+    """Return the mean of the DTW distances, or None if there are none, or one is missing."""
+    distances = [report.dtw for report in reports if report.dtw is not None]
+    return float(np.mean(distances)) if reports and len(distances) == len(reports) else None
 
 
 @dataclass(frozen=True)
@@ -87,16 +77,9 @@ class HeldOut:
     @classmethod
     def recorded(cls, results: Mapping[str, Any]) -> HeldOut | None:
         """Return what an operation's results hold of it, if anything."""
-        kept = {
-            name.removeprefix("held_out_"): value for name, value in results.items() if "held_out_" in name
-        }
+        kept = {name.removeprefix(PREFIX): value for name, value in results.items() if PREFIX in name}
         return cls(**kept) if kept else None
 
     def results(self) -> dict[str, Any]:
         """Return it as an operation's results keep it."""
-        return {
-            "held_out_demonstrations": self.demonstrations,
-            "held_out_dtw": self.dtw,
-            "held_out_worst_dtw": self.worst_dtw,
-            "held_out_arrived": self.arrived,
-        }
+        return {PREFIX + name: value for name, value in asdict(self).items()}

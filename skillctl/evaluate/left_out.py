@@ -1,14 +1,12 @@
-"""How well a motion is learned, told from demonstrations that were left out."""
+"""How well a motion is learned, measured on demonstrations that were left out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import HeldOut, report_errors
+from skillctl.evaluate.errors import HeldOut, mean_dtw, report_errors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
@@ -21,35 +19,30 @@ MOST_FOLDS = 10
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """A demonstration's index, the skill learned without it, and how well that one repeats it."""
+    """The index of a demonstration, the skill learned without it, and how well that skill repeats it."""
 
     index: int
     skill: SedsSkill
     report: DemonstrationReport
 
 
-def validate(
-    demonstrations: DemonstrationSet, options: LearnOptions, progress: Progress | None = None
-) -> HeldOut:
-    """Return the errors on demonstrations left out in turn; see ``leave_out_in_turn``."""
-    return held_out(leave_out_in_turn(demonstrations, options, progress))
-
-
 def leave_out_in_turn(
     demonstrations: DemonstrationSet, options: LearnOptions, progress: Progress | None = None
 ) -> tuple[LeftOut, ...]:
-    """Learn without one demonstration (of more than ten: without a tenth), measure on it, for all in turn.
+    """Return how well skills learned without one demonstration each repeat that demonstration.
+
+    Of more than ``MOST_FOLDS`` demonstrations, a ``MOST_FOLDS``-th is left out at a time.
 
     Returns:
         One entry per demonstration, in their order.
 
     Raises:
-        UsageError: One demonstration only; nothing can be left out.
+        UsageError: There is only one demonstration.
     """
     count = len(demonstrations)
     if count < 2:
         raise UsageError(
-            "validation leaves out one demonstration at a time, but there is one only.",
+            "validation leaves out one demonstration at a time, but there is only one.",
             hint="Give more demonstrations, or leave out --validate.",
         )
     folds = min(count, MOST_FOLDS)
@@ -73,11 +66,10 @@ def leave_out_in_turn(
 def held_out(left_out: Sequence[LeftOut]) -> HeldOut:
     """Return the errors of a validation, all demonstrations together."""
     reports = [each.report for each in left_out]
-    distances = [report.dtw for report in reports if report.dtw is not None]
-    whole = len(distances) == len(reports)
+    mean = mean_dtw(reports)
     return HeldOut(
         demonstrations=len(reports),
-        dtw=float(np.mean(distances)) if whole else None,
-        worst_dtw=max(distances) if whole else None,
+        dtw=mean,
+        worst_dtw=None if mean is None else max(report.dtw for report in reports if report.dtw is not None),
         arrived=sum(bool(report.arrived) for report in reports),
     )

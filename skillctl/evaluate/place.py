@@ -26,8 +26,8 @@ class Region:
         part: Counted from 1.
         prior: β; the part acts where its β p is largest.
         attractor: Where it ends.
-        radius: From within this distance of the attractor it provably acts alone; None where it was not asked
-            for, because there is a global proof, or none was found.
+        radius: Within this distance of the attractor the part provably acts alone; None if none was found, or
+            if none is needed because there is a global proof.
         demonstrations: Number of embedded demonstrations.
         selected: Share of their starts that lie in the region; None without demonstrations.
     """
@@ -52,8 +52,8 @@ class Place:
         velocity: ξ̇ there, per second.
         arrives: Whether the motion from there was seen to arrive.
         end: Where it was when it arrived, or when it was given up.
-        attractor: Which attractor it arrived at, counted from 1: that of the part of this number, or the only
-            one; None if it did not arrive.
+        attractor: Number of the attractor it arrived at, counted from 1: that of the part with this number,
+            or the only one; None if it did not arrive.
         time: When it arrived, or was given up, [s].
     """
 
@@ -74,19 +74,16 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
         return ()
     from skillctl.evaluate.coverage import selected_shares  # late: other skills need nothing of it
 
-    shares = selected_shares(skill, artifact.demonstrations)
+    rows = zip(
+        skill.part_priors.tolist(),
+        skill.part_attractors.tolist(),
+        certificate.parts,
+        selected_shares(skill, artifact.demonstrations),
+        strict=True,
+    )
     return tuple(
         Region(number, prior, tuple(attractor), proof.radius, *share)
-        for number, (prior, attractor, proof, share) in enumerate(
-            zip(
-                skill.part_priors.tolist(),
-                skill.part_attractors.tolist(),
-                certificate.parts,
-                shares,
-                strict=True,
-            ),
-            start=1,
-        )
+        for number, (prior, attractor, proof, share) in enumerate(rows, start=1)
     )
 
 

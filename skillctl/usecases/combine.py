@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from skillctl.adapt.refit import Refit
-from skillctl.adapt.together import Together, prove_together
+from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import CombineOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError

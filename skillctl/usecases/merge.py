@@ -10,9 +10,8 @@ from typing import Any, cast
 
 from skillctl.adapt.candidates import Candidates, candidates_from_store, require_same_space
 from skillctl.adapt.options import TaskOptions
-from skillctl.adapt.refit import Refit
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
-from skillctl.adapt.together import Together, prove_together
+from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError

@@ -9,7 +9,7 @@ from skillctl.demonstrations.reaching import reaching_demonstrations
 from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import HeldOut
-from skillctl.evaluate.left_out import validate
+from skillctl.evaluate.left_out import held_out, leave_out_in_turn
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
 
@@ -23,7 +23,7 @@ def reaches() -> DemonstrationSet:
 
 def test_each_demonstration_is_left_out_once(reaches: DemonstrationSet) -> None:
     stages = []
-    errors = validate(reaches, FAST, progress=lambda stage, done, total: stages.append((stage, done, total)))
+    errors = held_out(leave_out_in_turn(reaches, FAST, progress=lambda *step: stages.append(step)))
     assert stages == [("validation", 1, 3), ("validation", 2, 3), ("validation", 3, 3)]
     assert (errors.demonstrations, errors.arrived) == (3, 3)
     assert errors.dtw is not None
@@ -34,15 +34,15 @@ def test_each_demonstration_is_left_out_once(reaches: DemonstrationSet) -> None:
 def test_a_demonstration_unlike_the_others_shows_when_it_is_left_out(reaches: DemonstrationSet) -> None:
     mirrored = reaching_demonstrations("bottom-right", count=1).demonstrations
     mixed = DemonstrationSet((*reaches.demonstrations, *mirrored), reaches.space)
-    usual, odd = validate(reaches, FAST), validate(mixed, FAST)
+    usual, odd = (held_out(leave_out_in_turn(motions, FAST)) for motions in (reaches, mixed))
     assert usual.worst_dtw is not None
     assert odd.worst_dtw is not None
     assert odd.worst_dtw > 3 * usual.worst_dtw
 
 
 def test_one_demonstration_cannot_be_left_out(reaches: DemonstrationSet) -> None:
-    with pytest.raises(UsageError, match="one only"):
-        validate(DemonstrationSet(reaches.demonstrations[:1], reaches.space), FAST)
+    with pytest.raises(UsageError, match="only one"):
+        leave_out_in_turn(DemonstrationSet(reaches.demonstrations[:1], reaches.space), FAST)
 
 
 def test_errors_survive_being_recorded() -> None:
