@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skillctl.stability.report import Certificate
     from skillctl.store import DemonstrationReport
     from skillctl.usecases.destination import Written
-    from skillctl.usecases.parts import PartSummary
+    from skillctl.usecases.make import PartSummary
 
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart

@@ -139,9 +139,11 @@ def compare_behaviour(
     """Return how differently two skills move.
 
     Args:
-        a, b: The skills.
+        a: One skill.
+        b: The other.
         taught: Demonstrations that either of them carries.
-        atol, rtol: Velocities and positions may differ by atol, in their units, plus rtol times those of a.
+        atol: Velocities and positions may differ by this much, in their units,
+        rtol: plus this share of those of a.
     """
     if a.space != b.space:
         return Behaviour(None, None, None, None, same=False)

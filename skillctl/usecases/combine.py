@@ -9,7 +9,6 @@ from typing import Any, cast
 
 from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import CombineOptions
-from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError, UsageError
 from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
 from skillctl.model.combined import CombinedSkill
@@ -17,17 +16,19 @@ from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, Lock, Operation
-from skillctl.store.source import Source, carried_reports
+from skillctl.store.source import Source, carried_reports, open_skill
 from skillctl.store.ties import LyapunovOrigin
 from skillctl.usecases.destination import Destination
-from skillctl.usecases.make import Made, MakeReport, Request, make, require_stable
-from skillctl.usecases.parts import (
+from skillctl.usecases.make import (
+    Made,
+    MakeReport,
     PartSummary,
+    Request,
     child_artifact,
-    draw_family,
-    open_parts,
+    make,
     parents_of,
-    summaries,
+    require_stable,
+    write_child,
 )
 
 
@@ -109,7 +110,7 @@ def combine(
     if options.calibrate and options.part_priors is not None:
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
     request = Request(Destination.at(output, name, store, note), force, plot)
-    sources = open_parts(skills, store, lock)
+    sources = [open_skill(reference, store, lock) for reference in skills]
     recorded = asdict(options) if refit else {**asdict(options), "refit": False}
     operation = Operation(command="combine", options=recorded)
 
@@ -169,24 +170,17 @@ def _require_what_the_gate_promises(combined: CombinedSkill, certificate: Certif
     return certificate
 
 
-def _shares(sources: Sequence[Source], combined: CombinedSkill) -> list[float]:
-    """Return the prior of each parent: that of all its parts together, if it was a combined skill."""
-    priors = iter(combined.part_priors.tolist())
-    return [sum(next(priors) for _ in source.skill.acting_parts) for source in sources]
-
-
 def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -> CombineReport:
     """Write what was made, and report it."""
     artifact, details = made.artifact, made.details
     combined = cast("CombinedSkill", artifact.skill)
-    shares, together = _shares(sources, combined), details.together if details else None
-    fields = made.write(request.destination, "combined")
-    if request.plot is not None:
-        draw_family(fields["written"].skill, artifact, sources, shares, request.plot)
+    together = details.together if details else None
+    priors = iter(combined.part_priors.tolist())
+    # The prior of a combined parent is that of all its parts together.
+    shares = [sum(next(priors) for _ in source.skill.acting_parts) for source in sources]
+    notes = together.notes if together else ()
     return CombineReport(
-        **fields,
-        notes=(*notes_on([source.skill for source in sources]), *(together.notes if together else ())),
-        parts=summaries(sources, shares),
+        **write_child(request, made, "combined", sources, shares, notes),
         gate=combined.gate,
         aligned=combined.aligned,
         attractors=tuple(map(tuple, combined.part_attractors.tolist())),

@@ -1,4 +1,4 @@
-"""How a skill is made, whatever makes it: looked for, built if need be, proved, written, drawn."""
+"""How every command makes a skill: it looks for it, builds it if need be, proves it, and writes it."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from skillctl.compose.parts import notes_on
 from skillctl.errors import FitError
+from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import (
     Artifact,
+    DemonstrationReport,
+    InputRecord,
     Operation,
     ParentRecord,
     current_provenance,
     input_fingerprint,
 )
+from skillctl.store.source import Source
 from skillctl.store.ties import is_complete
 from skillctl.usecases.destination import Destination, Written
 
-# The option that says, in one digest, which skills there were to choose from.
+# The option that records, in one digest, the skills to choose from.
 CANDIDATES = "candidates"
 CHECK_PARTS = "`skillctl verify-stability SKILL…` says which skill is not proved; learn that one again."
 Details = TypeVar("Details")
@@ -31,15 +36,15 @@ ASKED_FOR = ("it was asked for",)
 
 @dataclass(frozen=True, kw_only=True)
 class MakeReport:
-    """What making a skill came to.
+    """What a command that makes a skill did.
 
     Attributes:
         status: ``learned``, ``merged`` or ``combined``; or ``up to date``: the same inputs and options gave
             what is there, and nothing was computed again.
         written: How to name the skill, where it is, what it is.
         certificate: What is proved of it, derived now.
-        notes: What is worth knowing about it, in sentences.
-        reasons: Why it was made, in words; none if it was up to date.
+        notes: Sentences for the user.
+        reasons: Why it was made, in words; empty if it was up to date.
     """
 
     status: str
@@ -56,7 +61,7 @@ class MakeReport:
 
 @dataclass(frozen=True)
 class Request:
-    """What all makers are asked.
+    """What every command that makes a skill is asked for.
 
     Attributes:
         destination: Where the skill goes.
@@ -75,12 +80,12 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Made(Generic[Details]):
-    """What a request leads to, before it is written.
+    """The result of a request, before it is written.
 
     Attributes:
-        artifact: The skill with all that belongs to it.
+        artifact: The skill with everything that is kept with it.
         certificate: What is proved of it.
-        details: What else the report tells; None if the skill was there already.
+        details: More for the report; None if the skill was there already.
         reasons: Why it was built, in words.
         current: Where it is already; None if it has to be written.
     """
@@ -95,8 +100,8 @@ class Made(Generic[Details]):
         """Write it unless it is there already, and return the fields of a `MakeReport`, but for its notes.
 
         Args:
-            destination: Where to.
-            status: What is reported if it was built.
+            destination: Where the skill goes.
+            status: The status to report if it was built.
 
         Raises:
             StoreError: It cannot be written.
@@ -124,13 +129,13 @@ def make(
     Args:
         request: Where it goes.
         operation: What decides the result.
-        build: Computes the skill, what is proved of it, and what else is told; called only if need be.
-        inputs: Files it is made of.
-        parents: Skills it is made of; None where the operation says which they are.
-        fits: Whether a skill that is there can have come of this, whatever its file states.
+        build: Computes the artifact, the certificate and the details; called only if need be.
+        inputs: Files that the skill is made from.
+        parents: Skills that it is made from; None if the operation says which they are.
+        fits: Whether the skill that is there can be the result, whatever its file states.
 
     Raises:
-        UsageError, StoreError: The destination makes no sense.
+        UsageError, StoreError: The destination cannot be used.
     """
     current = request.destination.current()
     there = current[0] if current else None
@@ -151,6 +156,91 @@ def require_stable(certificate: Certificate, hint: str = CHECK_PARTS) -> Certifi
     return certificate
 
 
+@dataclass(frozen=True)
+class PartSummary:
+    """One skill that went into another.
+
+    Attributes:
+        skill, digest: How it was named and its content digest.
+        share: Its weight (merge) or prior (combine); all sum to one.
+        n_components: Of all its leaves together.
+    """
+
+    skill: str
+    digest: str
+    share: float
+    n_components: int
+
+
+def parents_of(sources: Sequence[Source]) -> list[ParentRecord]:
+    """Return what a child records about its parents."""
+    return [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
+
+
+def child_artifact(
+    child: Skill,
+    sources: Sequence[Source],
+    operation: Operation,
+    reports: Sequence[DemonstrationReport],
+    inputs: Sequence[InputRecord] = (),
+) -> Artifact:
+    """Return the artifact of a skill made from others.
+
+    The demonstrations of each leaf are kept, moved by as much as the leaf was moved.
+
+    Args:
+        child: Its leaves are those of the parents, in the same order.
+        sources: The parents.
+        operation: What made it.
+        reports: On the demonstrations.
+        inputs: Files that were read besides the parents.
+    """
+    leaves = [leaf for source in sources for leaf in source.skill.leaves]
+    taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    demonstrations = tuple(
+        None if motions is None else motions.translated(moved.attractor - leaf.attractor)
+        for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
+    )
+    provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
+    return Artifact(child, demonstrations, operation, provenance, tuple(reports))
+
+
+def write_child(
+    request: Request,
+    made: Made[Details],
+    status: str,
+    sources: Sequence[Source],
+    shares: Sequence[float],
+    notes: Sequence[str],
+) -> dict[str, Any]:
+    """Write a skill made from others, unless it is there already, and draw it beside its parents.
+
+    Args:
+        request: Where it goes.
+        made: The skill.
+        status: The status to report if it was built.
+        sources: Its parents.
+        shares: The weight or prior of each.
+        notes: For the report, besides those on the parents.
+
+    Returns:
+        The fields of a `MakeReport`, and ``parts``, one `PartSummary` per parent.
+
+    Raises:
+        StoreError: It cannot be written.
+    """
+    fields = made.write(request.destination, status)
+    if request.plot is not None:
+        from skillctl.usecases.pictures import picture_family  # late: only pictures need Matplotlib
+
+        picture_family(fields["written"].skill, made.artifact, sources, shares, request.plot)
+    parts = tuple(
+        PartSummary(source.name, source.artifact.digest, share, source.skill.n_components)
+        for source, share in zip(sources, shares, strict=True)
+    )
+    return {**fields, "notes": (*notes_on([source.skill for source in sources]), *notes), "parts": parts}
+
+
 def reasons_to_make(
     current: Artifact | None,
     operation: Operation,
@@ -158,14 +248,14 @@ def reasons_to_make(
     note: str | None,
     parents: Sequence[ParentRecord] | None = (),
 ) -> tuple[str, ...]:
-    """Return, in words, why an artifact is not what an operation on these inputs would give; none if it is.
+    """Return, in words, why an artifact is not the result of an operation on these inputs; empty if it is.
 
     Args:
         current: The artifact that is there, if any.
-        operation: What would be done.
-        paths: Files that it would be done with.
-        note: That would be kept.
-        parents: Skills that it would be done with; None where the operation says which they are.
+        operation: The operation.
+        paths: Its input files.
+        note: The note to keep.
+        parents: The skills it works on; None if the operation says which they are.
     """
     if current is None:
         return ("there is no readable skill yet",)

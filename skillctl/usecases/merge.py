@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from itertools import accumulate
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,7 +13,6 @@ from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
 from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import MergeOptions
-from skillctl.compose.parts import notes_on
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
 from skillctl.model.demonstration import DemonstrationSet
@@ -21,25 +20,21 @@ from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, input_record
-from skillctl.store.source import Source
+from skillctl.store.source import Source, open_skill
 from skillctl.store.ties import LyapunovOrigin
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.make import (
     CANDIDATES,
     Made,
     MakeReport,
+    PartSummary,
     Request,
     candidates_digest,
-    make,
-    require_stable,
-)
-from skillctl.usecases.parts import (
-    PartSummary,
     child_artifact,
-    draw_family,
-    open_parts,
+    make,
     parents_of,
-    summaries,
+    require_stable,
+    write_child,
 )
 
 
@@ -48,10 +43,10 @@ class TaskReport:
     """How a merger was fitted to demonstrations of a new task.
 
     Attributes:
-        choice: The best way: ``one part``, ``equal weights``, ``weights per part`` or ``per component``.
+        choice: How the weights were found; see ``skillctl.adapt.task.FittedMerger``.
         demonstrations: How many were given.
-        candidates: How many skills could have been used.
-        errors: Mean DTW distance to the demonstrations.
+        candidates: Number of skills to choose from.
+        errors: Mean DTW distances to the demonstrations.
         held_out: The same, each demonstration with weights fitted to the others; None for a single one.
     """
 
@@ -70,9 +65,9 @@ class MergeReport(MakeReport):
         parts: What it was made of; shares are the part weights.
         gate, parameters, speed: How the parts act together; parameters of the gate, by name.
         attractor, unit: Where all of them end.
-        lyapunov: ``shared`` by all parts already, ``found`` for all of them, or parts ``refitted`` under one.
-        refits: Leaves learned again, if any.
-        task: How it was fitted to a task, if it was, and now.
+        lyapunov: Origin of the common Lyapunov matrix; see ``skillctl.adapt.together.Together``.
+        refits: Leaves that were learned again, if any.
+        task: How it was fitted to a task; None if it was not, or was up to date.
     """
 
     parts: tuple[PartSummary, ...]
@@ -88,7 +83,7 @@ class MergeReport(MakeReport):
 
 @dataclass(frozen=True, eq=False)
 class _Details:
-    """What merging told besides the skill."""
+    """What the report says besides the skill: the common proof, the task and notes."""
 
     together: Together
     task: TaskReport | None = None
@@ -138,7 +133,7 @@ def merge(
         _require_free_weights(options)
         made, sources = _fitted(request, skills, lock, options.target, task, refit, progress)
     else:
-        sources = open_parts(skills, store, lock)
+        sources = [open_skill(reference, store, lock) for reference in skills]
         made = _merged(request, sources, options, refit, progress)
     return _report(request, made, sources)
 
@@ -162,10 +157,7 @@ def _merged(
         artifact = child_artifact(merged, sources, done, together.reports)
         return artifact, certificate, _Details(together)
 
-    def fits(there: Artifact) -> bool:
-        return there.skill.kind == "merged" and len(there.skill.parts) == len(sources)
-
-    return make(request, operation, build, parents=parents_of(sources), fits=fits)
+    return make(request, operation, build, parents=parents_of(sources), fits=partial(_fits, sources))
 
 
 def _fitted(
@@ -179,34 +171,49 @@ def _fitted(
 ) -> tuple[Made[_Details], Sequence[Source]]:
     """Merge skills with weights fitted to demonstrations; return also those that could have been used."""
     read = task.reading.read(task.demonstrations)
-    shown = read.demonstrations
-    found = _candidates(request.destination, skills, lock, task, shown)
+    demonstrations = read.demonstrations
+    found = _candidates(request.destination, skills, lock, task, demonstrations)
     sources, plain = found.helpful, MergeOptions(target=target)
-    operation = _fit_operation(target, task, refit, found.digests)
+    chosen = {
+        "target": target,
+        "refit": refit,
+        "fit_level": task.level,
+        "from_store": task.from_store,
+        CANDIDATES: candidates_digest(found.digests),
+    }
+    reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
+    operation = Operation(command="merge", options={**reading, **chosen})
 
     def build() -> tuple[Artifact, Certificate, _Details]:
-        require_same_space(sources, shown)
+        require_same_space(sources, demonstrations)
         _try(plain, sources)
         together = prove_together(sources, plain.merge, refit=refit, progress=progress)
-        fitted = fit_to_task(together.parts, shown, together.lyapunov, level=task.level, target=target)
+        fitted = fit_to_task(
+            together.parts, demonstrations, together.lyapunov, level=task.level, target=target
+        )
         certificate = require_stable(certify(fitted.skill))
-        used = [sources[index] for index in fitted.used]
         done = operation.model_copy(update={"results": _results(fitted, together)})
-        reports = _reports_of_used(fitted, used, together)
         inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
-        artifact = child_artifact(fitted.skill, used, done, reports, inputs)
-        told = TaskReport(fitted.choice, len(shown), len(found.digests), fitted.errors, fitted.held_out)
-        notes = (*read.notes, *found.notes, *_left_out(sources, fitted))
-        return artifact, certificate, _Details(together, told, notes)
+        used = [sources[index] for index in fitted.used]
+        artifact = child_artifact(fitted.skill, used, done, _carried_reports(fitted, together), inputs)
+        if fitted.choice == "per component":  # the leaves move differently than before
+            artifact = replace(artifact, reports=_new_reports(artifact))
+        report = TaskReport(
+            fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
+        )
+        idle = [source.name for i, source in enumerate(sources) if i not in fitted.used]
+        left_out = [f"{', '.join(idle)}: no weight, left out."] if idle else []
+        return artifact, certificate, _Details(together, report, (*read.notes, *found.notes, *left_out))
 
-    def fits(there: Artifact) -> bool:
-        records = there.provenance.parents
-        digests = [source.artifact.digest for source in sources]
-        known = all(record.digest in digests for record in records)
-        return there.skill.kind == "merged" and len(there.skill.parts) == len(records) and known
+    fits = partial(_fits, sources)
+    return make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits), sources
 
-    made = make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits)
-    return made, sources
+
+def _fits(sources: Sequence[Source], there: Artifact) -> bool:
+    """Return whether a skill can have been merged from some of the sources, one part for each parent."""
+    parents = {record.digest for record in there.provenance.parents}
+    known = parents <= {source.artifact.digest for source in sources}
+    return known and there.skill.kind == "merged" and len(there.skill.parts) == len(there.provenance.parents)
 
 
 def _candidates(
@@ -214,53 +221,47 @@ def _candidates(
     skills: Sequence[str | Path],
     lock: Lock | None,
     task: TaskOptions,
-    shown: DemonstrationSet,
+    demonstrations: DemonstrationSet,
 ) -> Candidates:
     """Return the skills that are named, or those of the store that help with the task."""
     if not task.from_store:
-        sources = tuple(open_parts(skills, destination.store, lock))
-        return Candidates(sources, tuple(source.artifact.digest for source in sources), ())
+        sources = tuple(open_skill(reference, destination.store, lock) for reference in skills)
+        return Candidates(sources, tuple(source.artifact.digest for source in sources))
     if skills:
         raise UsageError(
             "skills and --from-store exclude each other.",
             hint="Name skills, or let all of the store take part.",
         )
-    return candidates_from_store(destination.store, shown, lock, but=destination.name)
+    return candidates_from_store(destination.store, demonstrations, lock, but=destination.name)
 
 
 def _try(options: MergeOptions, sources: Sequence[Source]) -> None:
-    """Complain about the options before any work is done: any P will do for that."""
+    """Raise UsageError for options that do not fit the skills, before any work is done; any P serves here."""
     parents = [source.skill for source in sources]
     options.merge(parents, parents[0].leaves[0].lyapunov)
 
 
 def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -> MergeReport:
-    """Write what was made, and report it with those of the skills that were used."""
-    artifact, details = made.artifact, made.details
-    skill, results = artifact.skill, artifact.operation.results
+    """Write what was made, and report it with those of the sources that are its parents."""
+    artifact, details, skill = made.artifact, made.details, made.artifact.skill
     by_digest = {source.artifact.digest: source for source in sources}
     used = [by_digest[record.digest] for record in artifact.provenance.parents]
-    fields = made.write(request.destination, "merged")
-    if request.plot is not None:
-        draw_family(fields["written"].skill, artifact, used, skill.shares.tolist(), request.plot)
-    more = (*details.together.notes, *details.notes) if details else ()
+    notes = (*details.together.notes, *details.notes) if details else ()
     return MergeReport(
-        **fields,
-        notes=(*notes_on([source.skill for source in used]), *more),
-        parts=summaries(used, skill.shares.tolist()),
+        **write_child(request, made, "merged", used, skill.shares.tolist(), notes),
         gate=skill.gate,
         parameters=dict(skill.parameters),
         speed=skill.speed,
         attractor=tuple(skill.attractors[0].tolist()),
         unit=skill.space.unit,
-        lyapunov=cast("LyapunovOrigin", results["lyapunov"]),
+        lyapunov=cast("LyapunovOrigin", artifact.operation.results["lyapunov"]),
         refits=details.together.refits if details else (),
         task=details.task if details else None,
     )
 
 
 def _require_free_weights(options: MergeOptions) -> None:
-    """Raise UsageError if weights to be fitted are given as well."""
+    """Raise UsageError if options are given that fitting chooses itself."""
     for given, what in (
         (options.part_weights is not None, "weights"),
         (options.gate != "superposition", "gate"),
@@ -275,56 +276,31 @@ def _require_free_weights(options: MergeOptions) -> None:
             )
 
 
-def _left_out(sources: Sequence[Source], fitted: FittedMerger) -> list[str]:
-    names = [source.name for i, source in enumerate(sources) if i not in fitted.used]
-    return [f"{', '.join(names)}: no weight, left out."] if names else []
+def _carried_reports(fitted: FittedMerger, together: Together) -> list[DemonstrationReport]:
+    """Return the reports on the leaves of the parts that are used, numbered by the leaves of the child."""
+    owners = [index for index, part in enumerate(together.parts) for _ in part.leaves]
+    kept = [leaf for leaf, owner in enumerate(owners) if owner in fitted.used]
+    return [
+        report.model_copy(update={"leaf": kept.index(report.leaf)})
+        for report in sorted(together.reports, key=lambda report: report.leaf)
+        if report.leaf in kept
+    ]
 
 
-def _reports_of_used(
-    fitted: FittedMerger, used: Sequence[Source], together: Together
-) -> list[DemonstrationReport]:
-    """Return reports on the demonstrations of the parts that are used, numbered by the leaves of the child.
-
-    With factors of their own for its components, a leaf moves differently: its reports are made anew.
-    """
-    counts = [len(part.leaves) for part in together.parts]
-    firsts = list(accumulate(counts, initial=0))
-    kept = [firsts[i] + k for i in fitted.used for k in range(counts[i])]
-    if fitted.choice != "per component":
-        return [
-            report.model_copy(update={"leaf": kept.index(report.leaf)})
-            for report in sorted(together.reports, key=lambda report: report.leaf)
-            if report.leaf in kept
-        ]
-    taught = [motions for source in used for motions in source.artifact.demonstrations]
-    origins = [leaf for source in used for leaf in source.skill.leaves]
-    reports: list[DemonstrationReport] = []
-    for number, (leaf, origin, motions) in enumerate(zip(fitted.skill.leaves, origins, taught, strict=True)):
-        if motions is not None:
-            moved = motions.translated(leaf.attractor - origin.attractor)
-            reports += report_errors(leaf, moved, number)
-    return reports
+def _new_reports(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
+    """Return reports on how the leaves of an artifact repeat their demonstrations now."""
+    pairs = zip(artifact.skill.leaves, artifact.demonstrations, strict=True)
+    return tuple(
+        report
+        for number, (leaf, motions) in enumerate(pairs)
+        if motions is not None
+        for report in report_errors(leaf, motions, number)
+    )
 
 
 def _results(fitted: FittedMerger, together: Together) -> dict[str, Any]:
-    results = together.results
-    results["choice"] = fitted.choice
+    results = {**together.results, "choice": fitted.choice}
     for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
         if errors is not None:
             results[name] = (errors.best_single, errors.equal, errors.fitted)
     return results
-
-
-def _fit_operation(
-    target: tuple[float, ...] | None, task: TaskOptions, refit: bool, candidates: Sequence[str]
-) -> Operation:
-    """Return what decides the result; what came of it is not known yet."""
-    chosen = {
-        "target": target,
-        "refit": refit,
-        "fit_level": task.level,
-        "from_store": task.from_store,
-        CANDIDATES: candidates_digest(candidates),
-    }
-    reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
-    return Operation(command="merge", options={**reading, **chosen})
