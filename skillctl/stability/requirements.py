@@ -1,4 +1,4 @@
-"""What a user may require to be proved of a skill."""
+"""Requirements that a user may set for what is proved of a skill."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ REQUIRED = "What has to be proved"
 
 @dataclass(frozen=True)
 class Requirements:
-    """What has to be proved.
+    """What has to be proved of a skill.
 
     Attributes:
         scope: ``global``: convergence from everywhere; ``local``: at least from around every attractor.
-        period: Every step of a controller with this period must contract, too, [s]; None asks for none.
-        min_rate: The decay rate must be at least this, [1/s]; None asks for any.
+        period: Every step of a controller with this period must contract, too, [s]; None: no requirement.
+        min_rate: The decay rate must be at least this, [1/s]; None: no requirement.
         signer: Public key (``ed25519:…``) that must have signed the skill; None asks for no signature.
     """
 
@@ -44,25 +44,19 @@ class Requirements:
                 raise UsageError(f"{name}: must be a positive number of {unit}, got {value:g}.")
 
     def reached_by(self, certificate: Certificate) -> bool:
-        """Return whether a certificate is proved of as many motions as is required."""
+        """Return whether a certificate holds for all motions that the required scope covers."""
         return certificate.scope in ("global", self.scope)
 
     def unmet_by(self, certificate: Certificate) -> tuple[str, ...]:
-        """Return what a certificate does not prove of what is required, in sentences."""
+        """Return the requirements that a certificate does not meet, in sentences; not the signature."""
         if not self.reached_by(certificate):
             return (f"Required is a {self.scope} proof; proved is {certificate.scope}.",)
-        sentences = []
-        if self.period is not None and (certificate.period is None or certificate.period < self.period):
-            sentences.append(
-                f"Required is a controller period of {self.period:g} s; proved is "
-                f"{_told(certificate.period)} s."
+        return tuple(
+            f"Required is {what} of {required:g} {unit}; proved is "
+            f"{'none' if proved is None else at_least(proved)} {unit}."
+            for what, required, proved, unit in (
+                ("a controller period", self.period, certificate.period, "s"),
+                ("a decay rate", self.min_rate, certificate.rate, "1/s"),
             )
-        if self.min_rate is not None and (certificate.rate is None or certificate.rate < self.min_rate):
-            sentences.append(
-                f"Required is a decay rate of {self.min_rate:g} 1/s; proved is {_told(certificate.rate)} 1/s."
-            )
-        return tuple(sentences)
-
-
-def _told(value: float | None) -> str:
-    return "none" if value is None else at_least(value)
+            if required is not None and (proved is None or proved < required)
+        )

@@ -21,7 +21,6 @@ from skillctl.store import (
     Artifact,
     DemonstrationReport,
     Operation,
-    Provenance,
     current_provenance,
     input_record,
     require_room_for_records,
@@ -44,11 +43,11 @@ class LearnRequest(Request):
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """What learning told besides the skill.
+    """What the report says besides the skill.
 
     Attributes:
-        notes: What was noticed about the input, and warnings of the learner.
-        left_out: What was learned without one demonstration each, if anybody asked.
+        notes: Of the reader, and warnings of the learner.
+        left_out: The skills learned without one demonstration each; empty without ``validated``.
     """
 
     notes: tuple[str, ...] = ()
@@ -66,7 +65,7 @@ class LearnReport(MakeReport):
         n_components, dimension, unit: Of the skill; unit of a position, ``m`` or ``rad``.
         attractor: Where it ends, in that unit.
         demonstrations: How well it repeats each one.
-        converged: Whether the stage that gave the skill its numbers converged; stability does not need it.
+        converged: Whether the last stage of learning converged; stability does not need it.
         stages: How each stage of learning ended, in words.
         held_out: Errors on demonstrations left out, if they were asked for.
     """
@@ -102,7 +101,7 @@ def learn(
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where the name lives; default as on the command line.
-        note: To be kept in the skill. Another note than the one that is there is a reason to learn again.
+        note: To be kept in the skill; another note than that of the skill that is there makes it learn again.
         options: How to learn.
         reading: How to read the files.
         validated: Also learn with each demonstration left out, and keep the errors on those.
@@ -111,7 +110,7 @@ def learn(
         progress: Called with (stage, done, total).
 
     Raises:
-        UsageError: Neither or both of output and name, or options that make no sense.
+        UsageError: Neither or both of output and name, or options that do not go together.
         NotFoundError: A file does not exist.
         InputDataError: Demonstrations that cannot be used.
         FitError: The result could not be proved stable; nothing is written.
@@ -141,20 +140,23 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
 
     def build() -> tuple[Artifact, Certificate, Details]:
         read = reading.read(request.paths)
-        provenance = _provenance(read)
+        provenance = current_provenance(
+            inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
+        )
         require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
         fitted = fit(read.demonstrations, options, progress=progress)
         certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
         left_out = _left_out(read, request, progress)
-        artifact = _artifact(fitted, operation, provenance, held_out(left_out) if left_out else None)
+        done = operation.model_copy(update={"results": _results(fitted, left_out)})
+        reports = tuple(report_errors(fitted.skill, fitted.demonstrations))
+        artifact = Artifact(fitted.skill, (fitted.demonstrations,), done, provenance, reports)
         return artifact, certificate, Details((*read.notes, *fitted.warnings), left_out)
 
     made = make(request, operation, build, inputs=request.paths)
     if made.details is None and request.plot is not None and request.validated:
-        # What was left out was not kept: it is learned again, for the picture.
-        return replace(
-            made, details=Details(left_out=_left_out(reading.read(request.paths), request, progress))
-        )
+        # The picture shows the skills of the validation, which are not kept: they are learned again.
+        left_out = _left_out(reading.read(request.paths), request, progress)
+        return replace(made, details=Details(left_out=left_out))
     return made
 
 
@@ -170,11 +172,8 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
     Raises:
         StoreError: It cannot be written.
     """
-    fields, artifact, details = (
-        learned.write(request.destination, "learned"),
-        learned.artifact,
-        learned.details,
-    )
+    fields = learned.write(request.destination, "learned")
+    artifact, details = learned.artifact, learned.details
     if request.plot is not None:
         from skillctl.usecases.pictures import picture_fit  # late: only pictures need Matplotlib
 
@@ -198,30 +197,17 @@ def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[
     """Return the options that decide the result, by their long names."""
     learning = asdict(options)
     learning["components"] = learning.pop("n_components")
-    del learning["seed"]  # the operation has a place of its own for it
+    del learning["seed"]  # the operation has a field of its own for it
     return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
 
 
-def _provenance(read: ReadResult) -> Provenance:
-    return current_provenance(
-        inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
-    )
-
-
-def _artifact(fitted: Fit, operation: Operation, provenance: Provenance, errors: HeldOut | None) -> Artifact:
-    results = {
+def _results(fitted: Fit, left_out: tuple[LeftOut, ...]) -> dict[str, Any]:
+    return {
         "objective": fitted.objective,
         "log_likelihood": fitted.log_likelihood,
         "deviation_bound": fitted.deviation_bound,
         "rising_share": fitted.rising_share,
         "converged": fitted.converged,
         "stages": tuple(str(stage) for stage in fitted.results),
-        **(errors.results() if errors else {}),
+        **(held_out(left_out).results() if left_out else {}),
     }
-    return Artifact(
-        skill=fitted.skill,
-        demonstrations=(fitted.demonstrations,),
-        operation=operation.model_copy(update={"results": results}),
-        provenance=provenance,
-        reports=tuple(report_errors(fitted.skill, fitted.demonstrations)),
-    )

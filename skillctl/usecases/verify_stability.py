@@ -28,23 +28,24 @@ class SkillVerdict:
     """What is known of one skill: a certificate, or why it could not be read.
 
     Attributes:
-        skill: As it was named; with its version, if it is one of the store.
-        path: Its file, None if there is none.
+        skill: Its name, with its version if it is from the store.
+        path: Its file; None if it could not be read.
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
-        error: Why not.
-        outcome: Whether what is required is ``proved``; ``inconclusive``: neither a proof nor a witness of
-            the motions it is required of; ``not signed``: not refuted, but without the required signature.
-        unmet: What of the requirements is not proved, in sentences.
-        signature: What is known of the required signature; None if none is required.
+        error: Why it could not be read.
+        outcome: ``proved``: everything that is required. ``not proved``: something is not, or is refuted.
+            ``inconclusive``: neither a proof nor a witness for the required scope. ``not signed``: nothing is
+            refuted, but the required signature is not valid. ``unreadable``: see ``error``.
+        unmet: The requirements that are not met, in sentences.
+        signature: State of the required signature; None if none is required.
     """
 
     skill: str
-    path: Path | None
-    digest: str | None
-    certificate: Certificate | None
-    error: SkillctlError | None
-    outcome: Outcome
+    path: Path | None = None
+    digest: str | None = None
+    certificate: Certificate | None = None
+    error: SkillctlError | None = None
+    outcome: Outcome = "unreadable"
     unmet: tuple[str, ...] = ()
     signature: SignatureState | None = None
 
@@ -66,14 +67,14 @@ def verify_stability(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> VerifyReport:
-    """Return what is proved of each skill; those that cannot be read do not keep others from being checked.
+    """Return what is proved of each skill; one that cannot be read does not keep others from being checked.
 
     Args:
         references: Files, or names of the store.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
-        workers: Who reads and proves; by default this process. None of them changes a verdict.
+        workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
 
     Raises:
@@ -90,7 +91,8 @@ def verify_stability(
             progress(f"{named[position]} {outcome}", finished, len(named))
 
     workers = workers or Workers()
-    place = store if workers.scheduler is None else locate_store(store)  # our surroundings decide, not theirs
+    # The surroundings of this process decide where the store is, not those of a worker.
+    place = store if workers.scheduler is None else locate_store(store)
     task = partial(_verdict, store=place, lock=lock, required=required)
     verdicts = workers.run(task, named, done=done)
     return VerifyReport(
@@ -100,14 +102,6 @@ def verify_stability(
         ),
         required,
     )
-
-
-def _died(reference: str) -> SkillVerdict:
-    error = StoreError(
-        f"{reference}: the process that checked it died: it was killed, or there was no memory left.",
-        hint="Check it by itself, or use fewer --jobs.",
-    )
-    return SkillVerdict(reference, None, None, None, error, "unreadable")
 
 
 def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Certificate:
@@ -126,6 +120,14 @@ def verify(skill: Skill | str | Path, *, store: str | Path | None = None) -> Cer
     return certify(source.skill, digest=source.artifact.digest)
 
 
+def _died(reference: str) -> SkillVerdict:
+    error = StoreError(
+        f"{reference}: the process that checked it died: it was killed, or there was no memory left.",
+        hint="Check it by itself, or use fewer --jobs.",
+    )
+    return SkillVerdict(reference, error=error)
+
+
 def _verdict(
     reference: str, store: str | Path | None, lock: Lock | None, required: Requirements
 ) -> SkillVerdict:
@@ -133,7 +135,7 @@ def _verdict(
         source = open_skill(reference, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)
     except SkillctlError as error:
-        return SkillVerdict(reference, None, None, None, error, "unreadable")
+        return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
     certificate = certify(source.skill, digest=digest)
     unmet = required.unmet_by(certificate)

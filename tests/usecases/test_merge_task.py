@@ -184,7 +184,7 @@ def test_the_command_shows_the_errors_and_refuses_lonely_options(run, task_files
         ["--units", "mm"],
         ["--scale", "2"],
         ["--demos", "0"],
-        ["--frame", "base"],
+        ["--frame", "world"],
         ["--input-format", "csv"],
     ):
         refused = run("merge", "curve", "hook", *words, "--store", library, "-o", tmp_path / "x.h5")
