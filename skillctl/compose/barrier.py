@@ -7,7 +7,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 
 GAP = 1e-2  # relative: a P within a hundredth of the best margin is good enough
-RESOLUTION = 1e-9  # margins below this share of the matrices' size count as none
+RESOLUTION = 1e-9  # a margin below this share of the matrices' size counts as zero
 GROWTH = 8.0  # of the barrier parameter between two centrings
 NEWTON_STEPS = 50  # per centring; about ten are used
 
@@ -17,8 +17,8 @@ def minimise_largest_eigenvalue(matrices: FloatArray, period: float = 0.0) -> Fl
 
     L(P) = P Aₖ + Aₖᵀ P + Δt Aₖᵀ P Aₖ is linear in P. Minimises s subject to s I − L(P) ≻ 0 and P ≻ 0: for
     growing τ, Newton's method on τ s − Σ log det of both. Near a centre, s exceeds the optimum by at most
-    (ν + √ν) / τ, ν = (K + 1) d, so a centre with s above that bound shows that there is no such P. None is
-    also the answer where the best margin cannot be told from rounding.
+    (ν + √ν) / τ, ν = (K + 1) d, so a centre with s above that bound shows that there is no such P. The
+    result is also None if the best margin is not larger than rounding errors.
 
     Args:
         matrices: Aₖ of size about 1, shape (K, d, d).
@@ -35,7 +35,7 @@ def minimise_largest_eigenvalue(matrices: FloatArray, period: float = 0.0) -> Fl
     while True:
         try:
             point = _centred(point, tau, constant, directions)
-        except np.linalg.LinAlgError:  # rounding is all that is left: what was reached has to do
+        except np.linalg.LinAlgError:  # rounding stops the search: the point reached so far is the answer
             gap = 0.0
         else:
             gap = (order + np.sqrt(order)) / tau

@@ -1,4 +1,4 @@
-"""Combine: several skills of which one alone acts at any time, each in its own region (Section 3.2)."""
+"""Combine: several skills, one of which acts at any time, each in its own region (Section 3.2)."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def combine(
 ) -> CombinedSkill:
     """Return one skill with a region of influence per part: where βᵢ pᵢ(ξ) is largest, part i acts.
 
-    Combined skills among the parts are taken apart: their priors multiply by the prior of the whole, their
-    speed by that of each part, and the new gate holds for all.
+    A combined skill among the parts is replaced by its own parts: their priors are multiplied by its prior,
+    their speeds by its speed, and the new gate holds for all.
 
     Args:
         parts: Two or more skills in one state space.

@@ -1,4 +1,4 @@
-"""One Lyapunov matrix for many components: the search that merging skills with different P needs."""
+"""The search for one Lyapunov matrix P for many components; merging skills with different P needs it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.skill import AnySkill, Skill
 
-ROUNDS = 3  # each search starts in the coordinates the one before has found
+ROUNDS = 3  # each search starts in the coordinates that the one before found
 
 
 def with_lyapunov(skill: AnySkill, lyapunov: FloatArray) -> AnySkill:
     """Return the same motion with another Lyapunov matrix P (d, d) in every leaf.
 
-    Nothing of the velocity field changes, only what measures it; whether P proves it is decided elsewhere.
+    The velocity field does not change. Whether P proves it, ``skillctl.stability`` decides.
 
     Raises:
         UsageError: P of another dimension.
@@ -54,9 +54,8 @@ def common_lyapunov(
         P with trace d, shape (d, d), or None.
 
     References:
-        S. Boyd et al., Linear Matrix Inequalities in System and Control Theory (1994), section 5.1;
-        the scaling
-        and the period are ours.
+        S. Boyd et al., Linear Matrix Inequalities in System and Control Theory (1994), section 5.1; the
+        scaling and the period are ours.
     """
     matrices = frozen_array("system_matrices", system_matrices, (None, None, None))
     eigenvalues = np.linalg.eigvals(matrices)
@@ -86,21 +85,13 @@ def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatA
     first = leaves[0]
     if all(leaf.form == first.form for leaf in leaves):
         return first.lyapunov
-    matrices = np.concatenate([acting_matrices(part) for part in parts])
+    acting = [(skill.outer_speed, part) for skill in parts for part in skill.acting_parts]
+    matrices = np.concatenate([speed * part.component_matrices for speed, part in acting])
     return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves], period=period)
 
 
-def acting_matrices(skill: Skill) -> FloatArray:
-    """Return the matrices that act in a skill, every speed multiplied in. Shape (K, d, d), [1/s]."""
-    matrices = [part.component_matrices for part in skill.acting_parts]
-    return np.asarray(skill.outer_speed * np.concatenate(matrices))
-
-
 def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
-    """Return the indices of the smallest group of parts found without a common P.
-
-    One part, a pair, or all parts; empty if all have a common P.
-    """
+    """Return the indices of one part, else a pair, else all parts that have no common P; empty if none."""
     indices = range(len(parts))
     for size in (1, 2, len(parts)):
         for group in combinations(indices, size):

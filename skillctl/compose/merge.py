@@ -17,7 +17,7 @@ from skillctl.model.skill import ActingSkill, Skill
 
 
 class NoCommonLyapunovError(FitError):
-    """Parts that are not known to contract in one common P, so that nothing is proved of their mixture.
+    """No common P is known for the parts, so that nothing would be proved of their mixture.
 
     Attributes:
         parts: Indices of parts that have no common P; empty if all have one that was not given.

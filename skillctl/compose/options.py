@@ -26,8 +26,8 @@ def _target() -> Any:
 
 
 def _gate(default: str, gates: Sequence[Any]) -> Any:
-    told = "; ".join(f"{gate.name}: {gate.help}" for gate in gates)
-    return option(default, choices=tuple(gate.name for gate in gates), group=MOTION, help=f"{told}.")
+    text = "; ".join(f"{gate.name}: {gate.help}" for gate in gates)
+    return option(default, choices=tuple(gate.name for gate in gates), group=MOTION, help=f"{text}.")
 
 
 GATE_PARAMETERS = tuple(

@@ -1,4 +1,4 @@
-"""What merging and combining ask of their parts, said in one sentence where it is not met."""
+"""Checks of the parts of a merged or combined skill, and what both do with them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skillctl.model.skill import ActingSkill, Skill, retargeted
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
-    """Raise UsageError unless there are two or more parts whose states mean the same.
+    """Raise UsageError unless there are two or more parts, all in the same state space.
 
     Args:
         parts: The skills to put together.
@@ -66,7 +66,7 @@ def on_one_attractor(
     """Return the parts moved to ``target`` (d,), or to the weighted mean of their attractors."""
     attractors = np.stack([part.attractor for part in parts])
     if target is None:
-        # A mean of equal points may differ from them in its last bit; then nothing should move.
+        # The mean of equal points may differ from them in its last bit, and would move the parts.
         together = bool((attractors == attractors[0]).all())
         target = attractors[0] if together else weights @ attractors
     return tuple(retargeted(part, target) for part in parts)

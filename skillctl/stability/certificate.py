@@ -20,12 +20,12 @@ from skillctl.stability.sampling import search_witness
 
 
 def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certificate:
-    """Return what is proved about a skill, and where nothing is proved, what sampling shows.
+    """Return what is proved about a skill, and what sampling shows where there is no global proof.
 
-    Proved in exact arithmetic on the stored numbers: each part converges exponentially from everywhere.
-    What follows for the whole: a SEDS or merged skill is one part. A latched combined skill runs one part
-    to its end. An instantaneous one with one attractor and one P shrinks that P-norm whichever part acts,
-    sliding motions included. Otherwise switching can trap a motion on a border between regions: then only
+    Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. For
+    the whole it follows: A SEDS or merged skill is one part. A latched combined skill runs one part to its
+    end. An instantaneous one with one attractor and one P shrinks that P-norm whichever part acts, sliding
+    motions included. In all other cases switching can trap a motion on a border between regions: then only
     a radius around each attractor is proved, and rollouts search for a witness.
 
     Args:
@@ -41,54 +41,23 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
         for number, part in enumerate(skill.acting_parts, start=1)
     )
     failures = tuple(sentence for part in parts for sentence in part.failures)
-    if not failures and _parts_suffice(skill):
-        return _certificate(skill, "stable", "global", parts, failures, None, digest)
-    scope: Scope = "none"
-    if not failures:
-        parts = _with_radii(skill, parts)
-        scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
-        failures = (_open_question(skill),)
-    sampling = search_witness(skill, parts, seed)
-    refuted = sampling.witness is not None or not all(part.proved for part in parts)
-    verdict: Verdict = "not proved" if refuted else "inconclusive"
-    return _certificate(skill, verdict, scope, parts, failures, sampling, digest)
-
-
-def _parts_suffice(skill: Skill) -> bool:
-    """Whether global stability follows from that of each part alone."""
-    members = skill.acting_parts
-    if not skill.reselects or len(members) == 1:
-        return True
-    return len(skill.attractors) == 1 and all(part.form == members[0].form for part in members)
-
-
-def _with_radii(skill: Skill, parts: tuple[PartCertificate, ...]) -> tuple[PartCertificate, ...]:
-    return tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
-
-
-def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ...]) -> bool:
-    attractors = [tuple(part.attractor.tolist()) for part in skill.acting_parts]
-    certified = {place for place, part in zip(attractors, parts, strict=True) if part.radius is not None}
-    return certified == set(attractors)
-
-
-def _certificate(
-    skill: Skill,
-    verdict: Verdict,
-    scope: Scope,
-    parts: tuple[PartCertificate, ...],
-    failures: tuple[str, ...],
-    sampling: Sampling | None,
-    digest: str | None,
-) -> Certificate:
-    rates = [part.rate for part in parts if part.rate is not None]
-    periods = [part.period for part in parts if part.period is not None]
-    proved = scope != "none"
+    verdict: Verdict = "stable"
+    scope: Scope = "global"
+    sampling: Sampling | None = None
+    if failures or not _parts_suffice(skill):
+        scope = "none"
+        if not failures:
+            parts = tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
+            scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
+            failures = (_open_question(skill),)
+        sampling = search_witness(skill, parts, seed)
+        refuted = sampling.witness is not None or not all(part.proved for part in parts)
+        verdict = "not proved" if refuted else "inconclusive"
     return Certificate(
         verdict=verdict,
         scope=scope,
-        rate=min(rates) if proved and len(rates) == len(parts) else None,
-        period=min(periods) if proved and len(periods) == len(parts) else None,
+        rate=None if scope == "none" else _least([part.rate for part in parts]),
+        period=None if scope == "none" else _least([part.period for part in parts]),
         margin=MARGIN,
         parts=parts,
         proof=_proof(skill, scope, parts),
@@ -97,6 +66,25 @@ def _certificate(
         sampling=sampling,
         digest=digest,
     )
+
+
+def _least(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return min(known) if len(known) == len(values) else None
+
+
+def _parts_suffice(skill: Skill) -> bool:
+    """Return whether the stability of each part alone makes the whole globally stable."""
+    members = skill.acting_parts
+    if not skill.reselects or len(members) == 1:
+        return True
+    return len(skill.attractors) == 1 and all(part.form == members[0].form for part in members)
+
+
+def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ...]) -> bool:
+    attractors = [tuple(part.attractor.tolist()) for part in skill.acting_parts]
+    certified = {place for place, part in zip(attractors, parts, strict=True) if part.radius is not None}
+    return certified == set(attractors)
 
 
 def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tuple[str, ...]:

@@ -29,8 +29,8 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     from farther away end elsewhere.
 
     Returns:
-        The radius of the largest Euclidean ball inside, in the unit of the space; None if the part does
-        not provably act at its own attractor.
+        The radius of the largest Euclidean ball inside the largest such ball, in the unit of the space; None
+        if the part does not provably act at its own attractor.
 
     References:
         Theory page, verification; the bounds are ours.

@@ -1,4 +1,4 @@
-"""What a stability check says: proof and evidence apart, every number rounded to the safe side."""
+"""The certificate: proof separate from evidence, every number rounded to the safe side."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Scope: TypeAlias = Literal["global", "local", "none"]
 
 @dataclass(frozen=True, slots=True)
 class ComponentCertificate:
-    """What is known of one component Aₖ under the Lyapunov matrix P of its part.
+    """What is proved of one component Aₖ under the Lyapunov matrix P of its part.
 
     Attributes:
         leaf: Which SEDS skill of the part it belongs to, counted from 1.
         component: Which component of that leaf, counted from 1.
         proved: Whether −½(P A + Aᵀ P) − m P ≻ 0 holds exactly, with the margin m of the certificate.
-        rate: Its decay rate in floating point, [1/s]: information, not proof. Not positive where V can grow;
-            None where P is too near singular to tell.
+        rate: Its decay rate in floating point, [1/s]: information, not proof. It is negative or zero if V can
+            grow, and None if P is too near singular to compute it.
     """
 
     leaf: int
@@ -39,7 +39,7 @@ class PartCertificate:
         components: One entry per component of every leaf.
         rate: r with ‖ξ(t) − ξ*‖_P ≤ e^(−rt) ‖ξ(0) − ξ*‖_P while this part acts, proved, [1/s].
         period: Longest controller period at which every step still contracts, proved, [s].
-        coordinates: Why its coordinates are not exactly invertible, in sentences; none if they are.
+        coordinates: Why its coordinates are not exactly invertible, in sentences; empty if they are.
         radius: Every motion that starts within this distance of the part's attractor ends there, proved;
             in the unit of the space. Only for combined skills without a global proof.
         proved: Whether the part, acting alone, converges to its attractor from everywhere.
@@ -119,7 +119,7 @@ class Certificate:
         failures: What could not be proved, in sentences.
         evidence: What sampling showed, in sentences.
         sampling: The numbers behind them, or None where a proof made sampling unnecessary.
-        digest: Content digest of the artifact this holds for, or None if it came from memory.
+        digest: Content digest of the artifact this holds for; None for a skill in memory.
     """
 
     verdict: Verdict
@@ -136,12 +136,12 @@ class Certificate:
 
 
 def at_least(value: float, digits: int = 3) -> str:
-    """Return ``value`` for reading, rounded down: what is said is still true."""
+    """Return ``value`` as text, rounded down, so that "at least" stays true."""
     return _rounded(value, Context(prec=digits, rounding=ROUND_FLOOR))
 
 
 def at_most(value: float, digits: int = 3) -> str:
-    """Return ``value`` for reading, rounded up."""
+    """Return ``value`` as text, rounded up, so that "at most" stays true."""
     return _rounded(value, Context(prec=digits, rounding=ROUND_CEILING))
 
 

@@ -12,11 +12,11 @@ from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.skill import Skill
 from skillctl.stability.report import PartCertificate, Sampling
 
-STARTS = 100  # where a region without convergence covers 5 % of the box, all miss it in 1 of 170 searches
+STARTS = 100  # if motions from 5 % of the box do not converge, only 1 of 170 searches finds none of them
 DEVIATIONS = 3.0  # the box reaches this many standard deviations around every Gaussian of the data
 SEGMENT = 500  # steps; between segments, motions that have arrived are dropped
 SEGMENTS = 20  # bounds the cost to a second or two
-FULL_SHARE = 0.2  # a motion that came nearer by less than this share of what one part guarantees is stuck
+FULL_SHARE = 0.2  # a motion is stuck if it came nearer by less than this share of what one part guarantees
 
 
 def search_witness(skill: Skill, parts: tuple[PartCertificate, ...], seed: int) -> Sampling:
@@ -53,7 +53,7 @@ def search_witness(skill: Skill, parts: tuple[PartCertificate, ...], seed: int) 
 def _follow(
     skill: Skill, starts: FloatArray, period: float, needed: float
 ) -> tuple[IntArray, FloatArray, FloatArray, float]:
-    """Return which motions never arrived, where those were half-way and at the end, and the time followed."""
+    """Return the motions that never arrived, their states half-way and at the end, and the time followed."""
     active = np.arange(len(starts))
     x = middle = starts
     parts: IntArray | None = None  # each start selects; later segments go on with the same part
