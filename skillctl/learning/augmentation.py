@@ -8,20 +8,20 @@ from skillctl.arrays import FloatArray
 from skillctl.geometry import SHORTEST, path_length, phases
 from skillctl.learning.preprocess import TrainingData
 
-SLOW = 0.3  # rms speeds: a slower stretch has no distant copies; tuned on the 30 LASA motions
+SLOW = 0.3  # in rms speeds: slower samples have no distant copies; tuned on the 30 LASA motions
 
 
 def displaced_paths(paths: FloatArray, distance: float, share: float) -> tuple[FloatArray, FloatArray]:
     """Return the demonstrations and displaced copies of them, with the weight of each, summing to one.
 
-    A copy starts behind and beside the demonstration, on either side, and closes in on it in proportion to
-    the share of path left. (Ahead of a start the demonstration itself shows the way.) Without such copies a
-    fit may repeat the motion from the recorded start and lose it from a start one millimetre beside.
+    A copy starts behind and beside the demonstration, on either side, and its offset falls in proportion to
+    the share of path left. (Ahead of a start there is the demonstration itself.) Without such copies a fit
+    may repeat the motion from the recorded start, and go astray from a start one millimetre beside it.
 
     Args:
         paths: Demonstrations, shape (D, T, d).
         distance: How far beside the recorded starts copies start, in rms distances; 0 makes no copies.
-        share: Of the weight, that all copies together have.
+        share: Share of the total weight that all copies together have.
 
     Returns:
         Paths, shape (D or 3 D, T, d), and their weights.
@@ -42,11 +42,11 @@ def displaced_paths(paths: FloatArray, distance: float, share: float) -> tuple[F
 def distant_samples(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities on copies of the demonstrations that start far beside them.
 
-    A copy closes in on its demonstration as the square of the share of path left, so that its last stretch,
-    on which a hand comes to what it grasps, nearly equals the demonstrated one. Each demonstration has two
-    copies on opposite sides for every distance, in a random direction of its own; where there are few
-    demonstrations, in several, so that at least d directions are taken. Samples of a slow stretch, as at the
-    start of a motion, have no copies: a motion that begins far away should not begin slowly.
+    The offset of a copy falls as the square of the share of path left, so that its last stretch, where a
+    grasp needs accuracy, nearly equals the demonstrated one. Each demonstration has two copies on opposite
+    sides for every distance, in a random direction of its own, or in several if there are fewer than d
+    demonstrations. Samples of a slow stretch, as at the start of a motion, have no copies: a motion that
+    begins far away should not begin slowly.
 
     Args:
         data: Demonstrations.

@@ -17,7 +17,7 @@ from skillctl.model.mixture import log_sum_exp, softmax
 
 POSITION_FLOOR = 1e-4  # smallest variance of a component, in squared rms distances: 1 % of the rms distance
 VELOCITY_FLOOR = 1e-4  # likewise in squared rms speeds
-TRACE = 1e-6  # share of each point that is spread over all components
+TRACE = 1e-6  # share of each point's responsibility that is spread evenly over all components
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,11 +35,6 @@ class JointMixture:
     matrices: FloatArray
     residual_covariances: FloatArray
 
-    @property
-    def n_components(self) -> int:
-        """Number of components, K."""
-        return len(self.priors)
-
     def log_joint(self, positions: FloatArray, velocities: FloatArray | None = None) -> FloatArray:
         """Return log π_k N(ξ; μ_k, Σ_k) [+ log N(ξ̇; A_k ξ, C_k)] for N points. Shape (N, K)."""
         logs = np.log(self.priors) + log_normal(positions[:, None] - self.means, self.covariances)
@@ -52,8 +47,8 @@ class JointMixture:
 def log_normal(deviations: FloatArray, covariances: FloatArray) -> FloatArray:
     """Return log N(deviation; 0, Σ_k) for deviations (N, K, d). Shape (N, K).
 
-    Whitened by the inverse of the Cholesky factor, which ``GaussianMixture.log_joint`` does not do: its
-    quadratic features are faster, and cancel more where a component is narrow.
+    It whitens by the inverse of the Cholesky factor. The quadratic features of ``GaussianMixture.log_joint``
+    are faster, but lose more digits to cancellation where a component is narrow.
     """
     factors = np.linalg.inv(np.linalg.cholesky(covariances))
     white = np.einsum("kij,nkj->nki", factors, deviations)
@@ -70,8 +65,8 @@ def log_likelihood(mixture: JointMixture, positions: FloatArray, velocities: Flo
 def expectation(logs: FloatArray) -> FloatArray:
     """Return responsibilities (N, K) from log joint densities (N, K).
 
-    Every component keeps a trace of every point, so that one that has lost all its points becomes a copy
-    of the whole instead of a division by zero.
+    Every component keeps a small share of every point, so that a component that has lost all its points
+    becomes a copy of the whole instead of causing a division by zero.
     """
     shares = softmax(logs.copy().T).T
     return np.asarray((1 - TRACE) * shares + TRACE / logs.shape[1])

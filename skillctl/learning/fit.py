@@ -1,4 +1,4 @@
-"""Learning a skill: demonstrations in, a provably stable SEDS skill out (Section 2, Eq. 6)."""
+"""Learning a provably stable SEDS skill from demonstrations (Section 2, Eq. 6)."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Fit:
             points each, each ending exactly at the attractor.
         objective: Value of the objective at the end, in the learner's units.
         log_likelihood: Mean log p(ξ, ξ̇) of the initial or final constrained mixture, learner's units.
-        deviation_bound: Mean distance from the demonstrations that no motion with this P gets below, in
-            the unit of the space.
+        deviation_bound: Lower bound of the mean distance from the demonstrations of any motion with this P,
+            in the unit of the space.
         rising_share: Share of the demonstrated path on which V would have to grow.
         results: How the stages of learning ended, in their order: ``metric`` where P was learned, then
             ``mixture`` (likelihood) or ``polish`` and perhaps ``refine``.
-        warnings: Sentences a user should read.
+        warnings: Sentences for the user.
     """
 
     skill: SedsSkill
@@ -96,7 +96,8 @@ def learned_metric(sets: Sequence[DemonstrationSet]) -> FloatArray:
     with one_blas_thread():
         for demonstrations in sets:
             aligned, attractor = align(demonstrations)
-            motions.append(training_data(aligned, attractor, _samples(aligned, LearnOptions())).positions)
+            samples = LearnOptions().effort.samples_of(len(aligned))
+            motions.append(training_data(aligned, attractor, samples).positions)
         return learn_lyapunov(motions)[0]
 
 
@@ -107,7 +108,7 @@ def _fit(
     progress: Progress,
 ) -> Fit:
     aligned, attractor = align(demonstrations)
-    data = training_data(aligned, attractor, _samples(aligned, options))
+    data = training_data(aligned, attractor, options.effort.samples_of(len(aligned)))
     metrics, learned = _metrics(aligned, data, options, lyapunov)
     n_components = _n_components(aligned, data, metrics[0], options, progress)
     solutions = [solve(data, metric, n_components, options, progress) for metric in metrics]
@@ -128,10 +129,6 @@ def _fit(
             *_unfinished(results[-1], options.preset),
         ),
     )
-
-
-def _samples(demonstrations: DemonstrationSet, options: LearnOptions) -> int:
-    return options.effort.samples_of(len(demonstrations))
 
 
 def _n_components(
@@ -159,8 +156,8 @@ def _metrics(
 ) -> tuple[list[FloatArray], tuple[StageResult, ...]]:
     """Return the Lyapunov matrices to choose from, and how learning them ended, if they are learned.
 
-    There is one, unless the motion contradicts even the learned one: then a more stretched one may do
-    better, which only a skill learned with each of them shows.
+    There is one, unless the motion contradicts even the learned one. Then a more stretched one may do better,
+    and only learning a skill with each of them shows whether it does.
     """
     if lyapunov is not None:
         if lyapunov.shape != (data.dimension, data.dimension):
@@ -190,8 +187,8 @@ def _contradictions(
 def _unfinished(last: StageResult, preset: Preset) -> tuple[str, ...]:
     """Return the warning about a fit that more steps would improve.
 
-    Most fits with the ``default`` preset use up their steps, but on none of the 30 LASA motions the last ones
-    gain more than ``LATE_GAIN``; with ``fast`` they do on a third.
+    Most fits with the ``default`` preset use up their steps, but on none of the 30 LASA motions do the last
+    steps gain more than ``LATE_GAIN``; with ``fast`` they do on a third.
     """
     if last.result is not Result.OUT_OF_STEPS or (last.late_gain is not None and last.late_gain <= LATE_GAIN):
         return ()

@@ -20,11 +20,15 @@ def partitions(data: TrainingData, n_components: int, count: int, seed: int) -> 
 
     Returns:
         Labels 0 … K − 1 of all points, each of shape (D·T,). Partitions in which some label does not occur
-        are left out, so that there may be fewer than ``count``, or none.
+        are left out, so there may be fewer than ``count``, or none.
     """
     trajectories, samples, _ = data.positions.shape
     time = np.tile(np.linspace(0, 1, samples), (trajectories, 1))
-    sliced = [_slices(phase, n_components) for phase in (time, phases(data.positions))]
+    # Both run from 0 to 1 along each demonstration and are cut into K equal parts.
+    sliced = [
+        np.minimum((phase * n_components).astype(np.int64), n_components - 1).ravel()
+        for phase in (time, phases(data.positions))
+    ]
     generator = np.random.default_rng(seed)
     points = np.hstack(data.points)
     clustered = [kmeans(points, n_components, generator) for _ in range(count - len(sliced))]
@@ -58,8 +62,3 @@ def kmeans(
             break
         centres = updated
     return np.asarray(labels, dtype=np.int64)
-
-
-def _slices(phase: FloatArray, n_components: int) -> IntArray:
-    """Return labels that cut phases in [0, 1] into equal parts, in the order of the points."""
-    return np.minimum((phase * n_components).astype(np.int64), n_components - 1).ravel()

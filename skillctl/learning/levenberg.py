@@ -22,7 +22,7 @@ PATIENCE = 3  # steps in a row that gain little before the optimiser stops
 
 @dataclass(eq=False, slots=True)
 class State:
-    """Where the optimiser stands, so that a probe can go on later."""
+    """The state of the optimiser, with which a probe can be continued."""
 
     evaluation: Evaluation
     barrier: StabilityBarrier
@@ -78,9 +78,9 @@ def minimise(
 def _step(objective: LearningObjective, state: State) -> bool:
     """Replace the state by a better one; False where no damping gives one.
 
-    A step that gains over half of what the linearisation promises eases the damping for the next; one that
-    gains less tightens it; one that gains nothing, or leaves what can be represented, is refused, and a
-    shorter one is tried with more damping.
+    If a step gains more than half of what the linearisation predicts, the damping falls for the next; if it
+    gains less, the damping grows. A step that gains nothing, or leads to gates that cannot be represented, is
+    refused, and a shorter one is tried with more damping.
     """
     field, barrier, weight = state.evaluation.field, state.barrier, state.barrier_weight
     normal, slope = _equations(objective, state)

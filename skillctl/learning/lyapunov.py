@@ -1,8 +1,8 @@
 """The Lyapunov matrix P from the demonstrations, and what a quadratic V costs them.
 
 Along any solution V = ξᵀPξ falls, so s = √V falls. A demonstration on which s rises cannot be followed
-exactly: of a dip and a later peak, one at least is missed by half their difference or more. P is chosen to
-make this miss small; it is known before anything is learned (ours).
+exactly: of a dip and a later peak, it misses at least one by half their difference or more. P is chosen to
+make this error small, before the components are learned (ours).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from skillctl.learning.outcome import Result, StageResult
 from skillctl.workers.blas import one_blas_thread
 
 # All tuned on the 30 LASA motions.
-CONDITION_WEIGHT = 0.02  # keeps P round where the data do not matter; in rms distances per log-eigenvalue
+CONDITION_WEIGHT = 0.02  # keeps P round where the data do not determine it; rms distances per log-eigenvalue
 SOFT = 0.001  # a rise below this · √(number of points), in rms distances, counts quadratically
 EVALUATIONS = 12  # of the least squares from each start
 ROUND = 1.05  # condition number below which P has no axes to stretch it along
@@ -53,7 +53,7 @@ def rising_share(lyapunov: FloatArray, positions: FloatArray) -> float:
 
 
 def deviation_bound(lyapunov: FloatArray, positions: FloatArray) -> float:
-    """Return a distance that no motion with falling V gets below, on average over the demonstrations.
+    """Return a lower bound of the mean distance of any motion with falling V from the demonstrations.
 
     Match the points of a demonstration, in order, to points of any motion along which V falls: their s
     falls too, so the mean of |s − matched s| is at least that of the best falling fit of s, and s changes
@@ -97,11 +97,9 @@ def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
 def learn_lyapunov(motions: Sequence[FloatArray]) -> tuple[FloatArray, StageResult]:
     """Return P ≻ 0 (d, d), trace d, that forces the demonstrations off their path the least.
 
-    The result is that of the best start. ``EVALUATIONS`` seldom reach SciPy's tolerances; any P ≻ 0 gives a
-    stable skill, so that a P short of the optimum costs accuracy alone.
-
-    P = exp(S) with S symmetric and traceless; a soft-L1 least squares over S from round and from
-    stretched starts.
+    P = exp(S) with S symmetric and traceless: a soft-L1 least-squares problem in S, solved from round and
+    stretched starts, of which the best result counts. ``EVALUATIONS`` seldom suffice for SciPy's tolerances.
+    Any P ≻ 0 gives a stable skill, so a P short of the optimum only costs accuracy.
 
     Args:
         motions: One array (D, T, d) or more, relative to their attractors, at rms distance one.
@@ -131,8 +129,8 @@ def learn_lyapunov(motions: Sequence[FloatArray]) -> tuple[FloatArray, StageResu
 def stretched(lyapunov: FloatArray, factor: float = 2.0) -> FloatArray:
     """Return P with the same axes and trace and ``factor`` times the condition number; a round P as it is.
 
-    What a P costs a motion that contradicts it is known only after learning; of the alternatives tried on
-    the 30 LASA motions, a more stretched P turned out better most often.
+    Only learning shows the error that a P causes on a motion that contradicts it. Of the alternatives tried
+    on the 30 LASA motions, a more stretched P was better most often.
     """
     values, vectors = np.linalg.eigh(lyapunov)
     condition = values[-1] / values[0]

@@ -1,4 +1,4 @@
-"""What is minimised: velocity errors, distances between rollouts and demonstrations, and a ridge."""
+"""The objective: velocity errors, distances between rollouts and demonstrations, and a ridge."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Effort:
         probe_steps: Optimiser steps each start gets before the best one goes on.
         polish_steps: Optimiser steps the best start gets.
         samples: Points kept per demonstration, uniform in time.
-        components: Number of components where the user asks for none, and the data can carry them.
+        components: Number of components unless the user gives one, or the data cannot carry as many.
     """
 
     starts: int
@@ -35,7 +35,7 @@ class Effort:
     components: int
 
     def samples_of(self, count: int) -> int:
-        """Return the points to keep of each of ``count`` demonstrations: few of them are sampled finer."""
+        """Return the points to keep of each of ``count`` demonstrations; more of each if they are few."""
         return max(self.samples, -(-FEWEST_POINTS // count))
 
 
@@ -66,14 +66,15 @@ class LearnOptions:
         objective: ``reproduction`` (velocities and rollouts), ``mse`` (velocities, least squares) or
             ``likelihood`` (Eq. 6).
         metric: ``learned`` finds the Lyapunov matrix P from the data; ``euclidean`` is P = I (Eq. 5).
-        n_components: K. None is seven (nine with ``quality``), or what the data carry; ``auto`` selects it by
-            the error on demonstrations left out (by BIC where there is only one demonstration).
+        n_components: K. None: seven (nine with ``quality``), or fewer if the data cannot carry as many.
+            ``auto``: chosen by the error on demonstrations left out (by BIC for a single demonstration).
         preset: How much work to spend.
         seed: Seed of the k-means++ starts.
         slowest_rate: Certified decay of V in the data's own time unit (its rms distance from the target
-            over its rms speed): every Aₖ keeps at least this rate. 0.001 provably arrives, and crawls.
-        period: Controller period Δt for which the skill must stay certified, [s]; 0 asks for no more than
-            continuous-time stability.
+            over its rms speed): every Aₖ keeps at least this rate. With 0.001 a motion still arrives, but
+            may be very slow.
+        period: Controller period Δt for which the skill must stay certified, [s]; 0: continuous-time
+            stability only.
     """
 
     objective: Objective = option(
@@ -122,5 +123,5 @@ class LearnOptions:
 
     @property
     def effort(self) -> Effort:
-        """The work that the preset stands for."""
+        """How much work the preset spends."""
         return EFFORTS[self.preset]

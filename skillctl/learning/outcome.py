@@ -1,4 +1,4 @@
-"""How the iterations of learning end: each says whether it converged, and how far it still was from it."""
+"""How the iterations of learning end: converged or not, and how much the last steps still gained."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Result(Enum):
-    """Why an iteration stopped; the value says it in words."""
+    """Why an iteration stopped; the value is the reason in words."""
 
     CONVERGED = "converged"
     OUT_OF_STEPS = "ran out of steps"
@@ -23,8 +23,7 @@ class StageResult:
             again, with finer rollouts).
         result: Why it stopped.
         steps: How many steps it took.
-        late_gain: What the last three steps together took off the cost, as a share of it; None where that
-            is not measured.
+        late_gain: By which share the last three steps together lowered the cost; None if not measured.
     """
 
     stage: str

@@ -12,7 +12,7 @@ from skillctl.geometry import extent
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
-SPIKE_SHARE = 0.02  # a jump and back by more than this share of the extent is no motion of a hand
+SPIKE_SHARE = 0.02  # a jump and back by more than this share of the extent is an error of the sensor
 EMBEDDED_POINTS = 200  # points kept of each demonstration inside an artifact
 
 
@@ -54,8 +54,7 @@ class TrainingData:
 
 
 def without_spikes(demonstration: Demonstration) -> Demonstration:
-    """Return the demonstration with samples that jump off the path and back put on the line between their
-    neighbours.
+    """Return the demonstration with spikes replaced by points on the line between their neighbours.
 
     A spike lies farther from the median of the five samples around it than ``SPIKE_SHARE`` of the motion's
     extent, and than twenty times the usual such distance; a fast but continuous motion does neither.
@@ -67,7 +66,7 @@ def without_spikes(demonstration: Demonstration) -> Demonstration:
     off = np.linalg.norm(x - np.median(windows, axis=-1), axis=1)
     limit = max(SPIKE_SHARE * extent(x), 20 * float(np.median(off)))
     good = off <= limit
-    good[[0, -1]] = True  # an end has nothing beyond it to jump back to
+    good[[0, -1]] = True  # a spike jumps off the path and back, which an end cannot
     if good.all():
         return demonstration
     repaired = np.stack([np.interp(t, t[good], column[good]) for column in x.T], axis=1)
@@ -93,14 +92,14 @@ def trim_rests(demonstration: Demonstration) -> Demonstration:
 
 
 def _arrival(demonstration: Demonstration, last: int, limit: float) -> float:
-    """Return when a motion comes to rest that keeps the pace at which it came as near as the limit, [s].
+    """Return when a motion arrives that keeps the speed at which it reached the limit, [s].
 
-    Were it to end at the first sample within the limit, it would jump over the rest of the way from one
-    sample to the next. It arrives no later than the recording ends.
+    If the trimmed recording ended at the first sample within the limit, it would cover the rest of the way in
+    one sample interval. The arrival is not later than the end of the recording.
 
     Args:
-        demonstration: With its rest.
-        last: Index of the first sample within the limit from the end, for good.
+        demonstration: Not yet trimmed.
+        last: Index of the first sample from which on the motion stays within the limit of its end.
         limit: In the unit of the space.
     """
     x, t = demonstration.positions, demonstration.times
@@ -117,7 +116,7 @@ def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArra
     """Repair and trim all demonstrations and translate each so that it ends at the mean end point.
 
     Returns:
-        The aligned demonstrations and their common end point (d,), the attractor to be.
+        The aligned demonstrations and their common end point (d,), which becomes the attractor.
     """
     trimmed = [trim_rests(without_spikes(demonstration)) for demonstration in demonstrations]
     attractor = np.mean([demonstration.positions[-1] for demonstration in trimmed], axis=0)
@@ -135,7 +134,10 @@ def resample(demonstration: Demonstration, samples: int) -> Demonstration:
     grid = np.linspace(t[0], t[-1], samples)
     half = 0.5 * (grid[1] - grid[0])
     before, after = np.maximum(grid - half, t[0]), np.minimum(grid + half, t[-1])
-    at = [_interpolate(moments, demonstration) for moments in (before, grid, after)]
+    at = [
+        np.stack([np.interp(moments, t, column) for column in demonstration.positions.T], axis=1)
+        for moments in (before, grid, after)
+    ]
     velocities = (at[2] - at[0]) / (after - before)[:, None]
     return Demonstration(grid, at[1], velocities, demonstration.source)
 
@@ -167,8 +169,3 @@ def training_data(aligned: DemonstrationSet, attractor: FloatArray, samples: int
     return TrainingData(
         positions / length_scale, velocities / speed_scale, steps, length_scale, speed_scale, attractor
     )
-
-
-def _interpolate(moments: FloatArray, demonstration: Demonstration) -> FloatArray:
-    columns = [np.interp(moments, demonstration.times, column) for column in demonstration.positions.T]
-    return np.stack(columns, axis=1)

@@ -1,4 +1,4 @@
-"""How many components: the fewest that do as well on demonstrations they have not seen."""
+"""The number of components: the smallest that does as well on demonstrations left out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skillctl.model.demonstration import DemonstrationSet
 from skillctl.progress import Progress
 
 # All tuned on the 30 LASA motions.
-POINTS_PER_COORDINATE = 5  # a component needs about five points per dimension
+POINTS_PER_COORDINATE = 5  # points that a component needs per dimension
 CANDIDATES = (1, 2, 3, 4, 5, 6, 7, 8, 10)
 MOST_FOLDS = 4
 TIE = 1.05  # a smaller K wins unless it costs more than this times the best
@@ -25,7 +25,7 @@ TIE = 1.05  # a smaller K wins unless it costs more than this times the best
 def component_limit(demonstrations: DemonstrationSet) -> int:
     """Return the largest K the data can carry: about five points per component and dimension.
 
-    Of a long recording ``EMBEDDED_POINTS`` count: more of them are too close to say anything new.
+    Of a long recording only ``EMBEDDED_POINTS`` count: more are too close together to add information.
     """
     points = sum(min(len(d.times), EMBEDDED_POINTS) for d in demonstrations)
     return max(1, points // (POINTS_PER_COORDINATE * demonstrations.dimension))

@@ -20,7 +20,7 @@ from skillctl.progress import Progress
 
 # Both tuned on the 30 LASA motions.
 BROAD_START = 1e-3  # least variance of gates that the optimiser starts from: narrow ones have no slope
-COARSE_AND_FINE = 1.15  # a fit whose cost grows by more under fine integration exploits its own step size
+COARSE_AND_FINE = 1.15  # a fit whose cost grows by more under fine integration is refined
 EM_STEPS, FIRST_EM_STEPS = 200, 10  # of EM where it is the whole fit, and where the optimiser goes on from it
 
 
@@ -31,7 +31,7 @@ class Solution:
     Attributes:
         field: A_k and gate logits.
         density: Priors (K,), means (K, d) and covariances (K, d, d) of the position density.
-        objective: What was minimised, at its end.
+        objective: Final value of the objective.
         log_likelihood: Mean log p(ξ, ξ̇) of the constrained mixture the field came from.
         results: How the stages that led to the field ended, in their order; probes of starts are not among
             them, as they are cut short on purpose.
@@ -53,7 +53,7 @@ def solve(
 ) -> Solution:
     """Return the best stable field with ``n_components`` components for this P (d, d).
 
-    Whatever the objective, starts are compared by their rollouts: the start with the lowest velocity error
+    With every objective, starts are compared by their rollouts: the start with the lowest velocity error
     seldom gives the best motion.
 
     Raises:
