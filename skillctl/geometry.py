@@ -1,4 +1,4 @@
-"""Polylines, boxes and quadratic norms: the lines of geometry that many rooms need, written once.
+"""Geometry that many rooms need: polylines, boxes and quadratic norms.
 
 A polyline is an array of points (..., T, d): T points in d dimensions, in the order of the path.
 """

@@ -19,17 +19,17 @@ from skillctl.model.skill import ActingSkill, AnyActing, contraction_period
 from skillctl.model.stepper import moved
 
 PERIOD = LearnOptions().period  # [s] of a controller; the result keeps it if its parts do
-RATE_SHARE = 0.2  # of the slowest part's rate, at the fitted speed, the result decays with at least
-FACTORS = (0.02, 5.0)  # of a component, as far as rate and period allow
-WEIGHTS = (0.02, 50.0)  # likewise of a part
-LEAST = 0.3  # of an equal share every part starts with at least: from nothing no factor leads anywhere
+RATE_SHARE = 0.2  # least decay rate of the result, as a share of the slowest part's at the fitted speed
+FACTORS = (0.02, 5.0)  # least and greatest of a component, as far as rate and period allow
+WEIGHTS = (0.02, 50.0)  # least and greatest factor of a part
+LEAST = 0.3  # least start weight of a part, as a share of equal weights: no factor changes a weight of zero
 DROPPED = 0.02  # a part with less than this share is left out
-PULL = 0.02  # paths off by this share of their lengths weigh as much as factors off by e
+PULL = 0.02  # an error of this share of the paths' lengths costs as much as factors e times too large
 POINTS = 40  # compared per path
-STEPS = 200  # per demonstration duration, at most
-DURATIONS = 2  # of the longest demonstration that a motion is followed
-SAFE = 0.999  # of the longest contracting step: rounding
-ARRIVED = 0.01  # of its path from the target: what is left is straight
+STEPS = 200  # at most, per demonstration duration
+DURATIONS = 2  # a motion is followed for this many durations of the longest demonstration
+SAFE = 0.999  # of the longest contracting step, because of rounding
+ARRIVED = 0.01  # share of the path within which a motion counts as arrived; the rest is taken as straight
 EVALUATIONS = 20
 NUDGE = 1e-4  # of a logarithm, for finite differences
 
@@ -39,10 +39,9 @@ def follow(
 ) -> WeightedMerger:
     """Return the superposition of the parts whose motions come nearest to demonstrations of a new task.
 
-    From ``weights``, a local search for the factors with the smallest mean squared distance between the
-    paths that start where demonstrations do and the demonstrated ones, point by point in shares of the arc
-    length, plus (``PULL`` log factor)². The paths do not change when everything moves faster; so the speed
-    is chosen last, to fit the velocities.
+    Starting at ``weights``, a local search minimises the mean squared distance between the demonstrated paths
+    and those of the merger from the same starts, point by point in shares of the arc length, plus
+    (``PULL`` log factor)². Paths do not depend on the speed, which is chosen last, to fit the velocities.
 
     Component k of a part then moves with c Aₖ, h̃ = c hₖ. Factors are bounded so that a P that proves the
     parts proves the result for controllers of ``PERIOD`` (or of the parts' own period where that is shorter)
@@ -51,7 +50,7 @@ def follow(
     Args:
         parts: Two or more SEDS or merged skills with one attractor and one Lyapunov matrix.
         demonstrations: Of the new task; each counts relative to its own end.
-        weights: Where the search begins, one per part, zero or more, not all zero.
+        weights: Start of the search, one per part, zero or more, not all zero.
         level: One factor per part, or one per component.
 
     Returns:
@@ -92,7 +91,7 @@ def follow(
 
 
 def slowed(merged: MergedSkill) -> MergedSkill:
-    """Return the merger, slower where it would not keep the period of controllers that its parts keep."""
+    """Return the merger, slowed down if it does not contract at a controller period at which its parts do."""
     periods = [contraction_period(part) for part in merged.parts]
     fastest = SAFE * float(min(periods)) / min(PERIOD, float(min(periods)))
     return replace(merged, speed=min(merged.speed, fastest))
@@ -105,7 +104,7 @@ class _Mixture:
     Attributes:
         parts: SEDS or merged skills with one attractor and one P.
         shares: Influence of each part, summing to one.
-        level: What a factor belongs to.
+        level: Whether a factor belongs to a part or to a component.
         owners: Part of each factor. Shape (m,).
         rates, periods: Slowest decay [1/s] and shortest contracting step [s] of what each moves. Shape (m,).
     """
@@ -134,7 +133,7 @@ class _Mixture:
 
     @property
     def period(self) -> float:
-        """The period the result keeps, [s]."""
+        """The longest controller period at which the result must contract, [s]."""
         return min(PERIOD, float(self.periods.min()))
 
     def fields(self, positions: FloatArray) -> FloatArray:
@@ -162,11 +161,11 @@ class _Mixture:
         return min(along / own, fastest) if along > 0 else min(1.0, fastest)
 
     def step(self, speed: float, longest: float) -> float:
-        """Return a period with which motions at a speed contract, and take no more steps than needed, [s]."""
+        """Return a period at which motions with a speed contract, and take no more steps than needed, [s]."""
         return min(max(self.period, longest / STEPS), SAFE * float(self.periods.min()) / speed)
 
     def levelled(self, factors: FloatArray) -> FloatArray:
-        """Return factors (b, m) of which none makes everything move faster, if they belong to parts."""
+        """Return factors (b, m), those of parts scaled so that their weighted sum is one."""
         return factors / (factors @ self.shares)[:, None] if self.level == "part" else factors
 
     def bounds(self, advance: float) -> tuple[FloatArray, FloatArray]:
@@ -220,7 +219,7 @@ class _Paths:
         return cls(goal, curves, path_length(curves), max(m.duration for m in demonstrations))
 
     def misses(self, mixture: _Mixture, factors: FloatArray, step: float) -> FloatArray:
-        """Return how far motions with factors (b, m) are off, in shares of the lengths. Shape (b, …)."""
+        """Return the errors of motions with factors (b, m), in shares of the paths' lengths. Shape (b, …)."""
         starts = np.tile(self.curves[:, 0], (len(factors), 1))
         moved = self._moved(mixture, starts, np.repeat(factors, len(self.curves), axis=0), step)
         curves = np.stack([resample_by_arc_length(path, POINTS) for path in moved])

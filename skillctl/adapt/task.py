@@ -1,4 +1,4 @@
-"""A merger fitted to a task: weights from demonstrations of it, judged by whole motions."""
+"""A merger fitted to demonstrations of a task, judged by whole motions."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from skillctl.model.space import Space
 
 PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # distance of a neighbour's start, as a share of the demonstration's way to its end
-PAIRED = 4  # single parts, the nearest, of which pairs are tried
-PATIENCE = 5  # durations of the longest demonstration that a motion is followed
+PAIRED = 4  # pairs are tried of this many parts, those that alone come nearest
+PATIENCE = 5  # a motion is followed for this many durations of the longest demonstration
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
 
@@ -148,13 +148,13 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
         task: Demonstrations; each counts relative to its own end.
         attractor: Where they end, (d,).
     """
-    shown = [motion.positions - motion.positions[-1] + attractor for motion in task]
+    paths = [motion.positions - motion.positions[-1] + attractor for motion in task]
     longest = max(motion.duration for motion in task)
     stable = 0.5 * contraction_period(skill)
     period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
     with np.errstate(over="ignore", invalid="ignore"):  # a step longer than proved may diverge
-        moved = rollout(skill, np.stack([p[0] for p in shown]), duration=PATIENCE * longest, period=period)
-        return np.array([metrics.dtw(moved.trajectory(i)[1], p) for i, p in enumerate(shown)])
+        found = rollout(skill, np.stack([p[0] for p in paths]), duration=PATIENCE * longest, period=period)
+        return np.array([metrics.dtw(found.trajectory(i)[1], path) for i, path in enumerate(paths)])
 
 
 def _family(motion: Demonstration, space: Space) -> DemonstrationSet:

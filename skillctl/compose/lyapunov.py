@@ -39,11 +39,11 @@ def common_lyapunov(
     """Return a P ≻ 0 with P Aₖ + Aₖᵀ P ≺ 0 for all k, near the one of fastest decay, or None.
 
     Maximises t over P with −(P Aₖ + Aₖᵀ P) ≽ t I and tr P = d, time scaled by the typical spectral radius,
-    in coordinates in which the best P known so far is the identity. Those choices make the answer the
-    same, up to rounding, for data in other units of length or time, per axis too. With a period Δt,
-    Δt Aₖᵀ P Aₖ is added to P Aₖ + Aₖᵀ P: steps of that length contract, too, and the problem stays linear in
-    P. It is convex: None means that the barrier method's bound excluded every P whose margin can be told from
-    rounding. A P that is returned contracts in floating point; ``skillctl.stability`` proves it.
+    in coordinates in which the best P known so far is the identity. Therefore the result does not depend, up
+    to rounding, on the units of time and of each axis. With a period Δt, Δt Aₖᵀ P Aₖ is added to
+    P Aₖ + Aₖᵀ P, so that steps of that length contract, too; the problem stays linear in P. It is convex:
+    None means that the bound of the barrier method excludes every P whose margin is larger than rounding
+    errors. A P that is returned contracts in floating point; ``skillctl.stability`` proves it.
 
     Args:
         system_matrices: Aₖ, shape (K, d, d), [1/s].

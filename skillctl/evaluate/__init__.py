@@ -1,1 +1,1 @@
-"""How good a skill is: errors on demonstrations, shown and left out, regions, comparisons."""
+"""How good a skill is: errors on demonstrations, learned from or left out, regions, comparisons."""

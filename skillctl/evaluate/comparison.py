@@ -152,17 +152,17 @@ def compare_behaviour(
     points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, *means])
     with np.errstate(all="ignore"):  # an unstable skill's motions may leave float64: then they differ
         grid = _field(a, b, _grid(points), atol, rtol)
-        shown = _field(a, b, points, atol, rtol) if taught else None
+        along = _field(a, b, points, atol, rtol) if taught else None
         distance = _rollout_distance(a, b, taught) if taught else None
     apart = float(a.space.distance(*goals).max()) if len(goals[0]) == len(goals[1]) else None
     near = atol + rtol * float(np.ptp(points, axis=0).max())
     same = (
         grid.within
-        and (shown is None or shown.within)
+        and (along is None or along.within)
         and (distance is None or distance <= near)
         and (apart is not None and apart <= near)
     )
-    return Behaviour(shown, grid, distance, apart, same=same)
+    return Behaviour(along, grid, distance, apart, same=same)
 
 
 def _grid(points: FloatArray) -> FloatArray:

@@ -23,11 +23,11 @@ def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificat
     """Return what exact arithmetic proves of one part.
 
     With V = (ξ − ξ*)ᵀ P (ξ − ξ*), every convex combination of components that contract in the P-norm
-    contracts in it, whatever the gates. Proved is the field as stored: speeds and matrices multiply as
-    rational numbers, and weights sum to one.
+    contracts in it, for any gates. The proof holds for the field as stored: speeds and matrices are
+    multiplied as rational numbers, and weights sum to one.
 
     Args:
-        number: Of the part, counted from 1.
+        number: Number of the part, counted from 1.
         part: A skill with one P and one attractor.
         speed: Factor of the combined skill around it, 1 without one.
     """

@@ -1,4 +1,4 @@
-"""Several skills of which one acts at a time, chosen by where the motion starts; proved and written."""
+"""Combine skills of which one acts at a time, chosen by where the motion starts."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class CombineReport(MakeReport):
         attractors, unit: Where the parts end, one row a part.
         disturbance_distance: A jump of the state by more than this selects again (latched), in that unit.
         coverage: Of each part, how many of its demonstrations still start and end in it.
-        coverage_before: The same before priors were calibrated; None if they were not, now.
-        lyapunov: How the parts came to one Lyapunov matrix; None where the proof needs no common one.
+        coverage_before: The same before priors were calibrated; None if they were not calibrated now.
+        lyapunov: Origin of the common Lyapunov matrix; None if the proof needs no common one.
         refits: Leaves learned again, if any.
     """
 
@@ -61,7 +61,7 @@ class CombineReport(MakeReport):
 
 @dataclass(frozen=True, eq=False)
 class _Details:
-    """What combining told besides the skill: coverage, now and before calibration, and the common proof."""
+    """More for the report: coverage, now and before calibration, and the common proof."""
 
     coverage: tuple[PartCoverage, ...]
     before: tuple[PartCoverage, ...] | None = None
@@ -84,11 +84,11 @@ def combine(
 ) -> CombineReport:
     """Combine skills into one in which one part acts at a time, prove it, and write it.
 
-    With the instantaneous gate and several attractors nothing global can be proved; such a skill is written
-    all the same, and the report says what is not guaranteed.
+    With the instantaneous gate and several attractors nothing global can be proved. Such a skill is written
+    nevertheless, and the report says what is not guaranteed.
 
     Args:
-        skills: References to two or more skills; combined ones are taken apart.
+        skills: References to two or more skills; a combined one is replaced by its parts.
         output: File to write; or
         name: Skill of the store to publish the next version of.
         store: Where names live; default as on the command line.
@@ -102,9 +102,9 @@ def combine(
         progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
-        UsageError: Options that make no sense, different spaces, nothing to calibrate by.
+        UsageError: Options that do not go together, different spaces, no demonstrations to calibrate by.
         NotFoundError, ArtifactError: A skill does not exist, or is not intact.
-        FitError: What the gate promises could not be proved; nothing is written.
+        FitError: The guarantee of the gate could not be proved; nothing is written.
     """
     options = options or CombineOptions()
     if options.calibrate and options.part_priors is not None:
@@ -117,7 +117,7 @@ def combine(
     def build() -> tuple[Artifact, Certificate, _Details]:
         combined, together = _combined(sources, options, refit, progress)
         combined, coverage, before = _covered(combined, sources, options)
-        certificate = _require_what_the_gate_promises(combined, certify(combined))
+        certificate = _require_guarantee(combined, certify(combined))
         results: dict[str, Any] = {"kept": tuple(part.kept for part in coverage)}
         results |= {} if together is None else together.results
         reports = carried_reports(sources) if together is None else together.reports
@@ -135,7 +135,7 @@ def combine(
 def _combined(
     sources: Sequence[Source], options: CombineOptions, refit: bool, progress: Progress | None
 ) -> tuple[CombinedSkill, Together | None]:
-    """Return the combined skill, and what made one proof serve all parts where the gate needs that."""
+    """Return the combined skill, and the common proof of its parts if the gate needs one."""
     combined = options.combine([source.skill for source in sources])
     if not (combined.reselects and combined.aligned):
         return combined, None
@@ -146,7 +146,7 @@ def _combined(
 def _covered(
     combined: CombinedSkill, sources: Sequence[Source], options: CombineOptions
 ) -> tuple[CombinedSkill, tuple[PartCoverage, ...], tuple[PartCoverage, ...] | None]:
-    """Return the skill, with calibrated priors if wanted, what its parts keep, and kept before."""
+    """Return the skill, with calibrated priors if asked for, and its coverage after and before that."""
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
     measured = coverage(combined, taught)
     if not options.calibrate:
@@ -155,10 +155,10 @@ def _covered(
     return calibrated, coverage(calibrated, taught), measured
 
 
-def _require_what_the_gate_promises(combined: CombinedSkill, certificate: Certificate) -> Certificate:
-    """Return the certificate, or raise FitError if it does not say what the gate promises.
+def _require_guarantee(combined: CombinedSkill, certificate: Certificate) -> Certificate:
+    """Return the certificate, or raise FitError if it does not prove what the gate guarantees.
 
-    With the instantaneous gate and several attractors that is only that each part alone is proved.
+    An instantaneous gate with several attractors guarantees only that each part alone is stable.
     """
     if combined.aligned or not combined.reselects:
         return require_stable(certificate)

@@ -1,4 +1,4 @@
-"""What tells two skills apart: identity, metadata, parameters, behaviour, and what is proved."""
+"""The differences between two skills: identity, metadata, parameters, behaviour, and what is proved."""
 
 from __future__ import annotations
 
@@ -42,19 +42,19 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class DiffReport:
-    """What tells two skills apart.
+    """The differences between two skills.
 
     Attributes:
         a, b: The skills.
         identical: Equal content digests: nothing differs.
-        differs: Behaviour or certificate differ by more than the tolerances.
-        atol, rtol: These tolerances.
+        differs: Whether behaviour or certificates differ by more than the tolerances.
+        atol, rtol: The tolerances.
         unit: Of positions.
         metadata: Fields that differ.
-        leaves: Numbers of the leaves; None if the skills are not made of equally many, in one space.
+        leaves: Differences of the leaves; None if the skills have other numbers of leaves or other spaces.
         behaviour: How differently they move.
         certificates: What is proved of a and b, derived now.
-        proofs_agree: Same verdict and scope, rates and periods within the tolerances.
+        proofs_agree: Whether verdicts and scopes are the same, and rates and periods within the tolerances.
     """
 
     a: Side
@@ -85,8 +85,8 @@ def diff(
     Args:
         first: Reference of a.
         second: Reference of b.
-        atol: Velocities, positions and rates may differ by so much, in their units, and
-        rtol: by this share of what a has.
+        atol: Velocities, positions and rates may differ by this much, in their units,
+        rtol: plus this share of those of a.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
 

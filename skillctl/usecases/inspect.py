@@ -13,7 +13,7 @@ from skillctl.model.skill import Kind, Skill
 from skillctl.model.space import Space
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
-from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
+from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, Provenance
 from skillctl.store.source import open_skill
 
 
@@ -49,7 +49,8 @@ class Node:
     Attributes:
         kind: ``seds``, ``merged`` or ``combined``.
         share: Weight or prior in the skill above; 1 for the whole.
-        gate, parameters, disturbance_distance: As far as the kind has them; parameters of the gate, by name.
+        gate, disturbance_distance: None where the kind of skill has none.
+        parameters: Of the gate, by name.
         speed: Factor on all velocities.
         parts: From left to right.
     """
@@ -70,12 +71,12 @@ class InspectReport:
     Attributes:
         skill, path, digest: Its name, file and identity.
         kind: Of the whole skill.
-        space: What the numbers of a state mean.
-        tree: How it is put together.
-        leaves: What it is made of.
+        space: Names, unit and frame of a state.
+        tree: The skill and its parts.
+        leaves: The learned skills at the ends of the tree.
         certificate: What is proved of it, derived now.
         regions: Of a combined skill, the region of each part; empty for others.
-        at: What it does at the place that was asked about, if any.
+        at: What it does at the position that was given; None without one.
         reports: How well each leaf repeats each of its demonstrations.
         operation, provenance: The command that made it, its inputs and parents.
     """
@@ -108,15 +109,14 @@ def inspect(
         reference: File, or name of the store.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
-        position: A place to ask about, (d,).
+        position: Also report what the skill does at this position, (d,).
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
-        UsageError: A position of another dimension.
+        UsageError: A position of another dimension, or not finite.
     """
     source = open_skill(reference, store, lock)
     artifact, skill = source.artifact, source.skill
-    counts = [len(taught) if taught is not None else 0 for taught in artifact.demonstrations]
     tree = _node(skill, 1.0)
     certificate = certify(skill, digest=artifact.digest)
     return InspectReport(
@@ -126,7 +126,7 @@ def inspect(
         kind=tree.kind,
         space=skill.space,
         tree=tree,
-        leaves=tuple(_leaves(skill, counts)),
+        leaves=_leaves(artifact),
         certificate=certificate,
         regions=regions_of(artifact, certificate),
         at=None if position is None else at(skill, position, certificate),
@@ -149,11 +149,10 @@ def _node(skill: Skill, share: float) -> Node:
     )
 
 
-def _leaves(skill: Skill, counts: list[int]) -> list[Leaf]:
-    owned = [
-        (part, leaf) for part, member in enumerate(skill.parts or (skill,), start=1) for leaf in member.leaves
-    ]
-    return [
+def _leaves(artifact: Artifact) -> tuple[Leaf, ...]:
+    members = enumerate(artifact.skill.parts or (artifact.skill,), start=1)
+    owned = [(part, leaf) for part, member in members for leaf in member.leaves]
+    return tuple(
         Leaf(
             leaf=number,
             part=part,
@@ -163,7 +162,9 @@ def _leaves(skill: Skill, counts: list[int]) -> list[Leaf]:
             lyapunov=leaf.lyapunov,
             system_matrices=leaf.system_matrices,
             joint_mixture=joint_mixture(leaf),
-            demonstrations=count,
+            demonstrations=0 if taught is None else len(taught),
         )
-        for number, ((part, leaf), count) in enumerate(zip(owned, counts, strict=True), start=1)
-    ]
+        for number, ((part, leaf), taught) in enumerate(
+            zip(owned, artifact.demonstrations, strict=True), start=1
+        )
+    )

@@ -1,4 +1,4 @@
-"""Several skills acting together on one target, proved and written."""
+"""Merge skills into one in which all act together on one target."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def merge(
         progress: Called with (stage, done, total) while parts are refitted.
 
     Raises:
-        UsageError: Options that make no sense, a combined skill, different spaces.
+        UsageError: Options that do not go together, a combined skill, different spaces.
         NotFoundError, ArtifactError: A skill does not exist, or is not intact.
         InputDataError: Demonstrations of the task that cannot be used.
         FitError: No common Lyapunov matrix, and no refit possible or wanted; or no proof.
