@@ -131,7 +131,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         ("kind", " ".join([report.kind, *_how(report.tree)])),
         ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
         *words.proof(certificate),
-        *words.stages(report.operation.results),
+        *words.stages(report.operation.results.get("stages", ())),
         *words.held_out(HeldOut.recorded(report.operation.results), space.unit),
     )
     rows = tuple(

@@ -93,6 +93,7 @@ def blocks(report: LearnReport) -> list[render.Block]:
             ("components", str(report.n_components)),
             ("attractor", words.point(report.attractor, report.unit)),
             *words.proof(report.certificate),
+            *words.stages(report.stages),
             *words.held_out(report.held_out, report.unit),
         )
     )

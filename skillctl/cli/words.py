@@ -93,9 +93,9 @@ def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
     return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
 
 
-def stages(results: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Return how the last stage of learning ended, as facts; none if nothing of it is recorded."""
-    return tuple(("learning", stage) for stage in results.get("stages", ())[-1:])
+def stages(ended: Any) -> tuple[tuple[str, str], ...]:
+    """Return how the last stage of learning ended, as facts; none if no stage is recorded."""
+    return tuple(("learning", stage) for stage in ended[-1:])
 
 
 def written(place: Written) -> tuple[tuple[str, str], ...]:

@@ -10,7 +10,6 @@ from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
 from skillctl.model.joint import JointMixture, joint_mixture
 from skillctl.model.skill import Kind, Skill
-from skillctl.model.space import Space
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import DemonstrationReport, Lock, Operation, Provenance
@@ -63,6 +62,23 @@ class Node:
     parts: tuple[Node, ...]
 
 
+@dataclass(frozen=True)
+class StateMeaning:
+    """What the numbers of a state mean.
+
+    Attributes:
+        names: One name per coordinate.
+        unit: Unit of a position, ``m`` or ``rad``; velocities are per second.
+        frame: Frame in which positions are given.
+        kind: Which space of states it is.
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    frame: str
+    kind: str
+
+
 @dataclass(frozen=True, eq=False)
 class InspectReport:
     """What an artifact holds.
@@ -84,7 +100,7 @@ class InspectReport:
     path: Path
     digest: str
     kind: Kind
-    space: Space
+    space: StateMeaning
     tree: Node
     leaves: tuple[Leaf, ...]
     certificate: Certificate
@@ -115,7 +131,7 @@ def inspect(
         UsageError: A position of another dimension.
     """
     source = open_skill(reference, store, lock)
-    artifact, skill = source.artifact, source.skill
+    artifact, skill, space = source.artifact, source.skill, source.skill.space
     counts = [len(taught) if taught is not None else 0 for taught in artifact.demonstrations]
     tree = _node(skill, 1.0)
     certificate = certify(skill, digest=artifact.digest)
@@ -124,7 +140,7 @@ def inspect(
         path=source.located.path,
         digest=artifact.digest,
         kind=tree.kind,
-        space=skill.space,
+        space=StateMeaning(space.names, space.unit, space.frame, space.kind),
         tree=tree,
         leaves=tuple(_leaves(skill, counts)),
         certificate=certificate,

@@ -68,6 +68,7 @@ class LearnReport(MakeReport):
         attractor: Where it ends, in that unit.
         demonstrations: How well it repeats each one.
         converged: Whether the stage that gave the skill its numbers converged; stability does not need it.
+            None where an older artifact does not say.
         stages: How each stage of learning ended, in words.
         held_out: Errors on demonstrations left out, if they were asked for.
     """
@@ -77,7 +78,7 @@ class LearnReport(MakeReport):
     unit: str
     attractor: tuple[float, ...]
     demonstrations: tuple[DemonstrationReport, ...]
-    converged: bool
+    converged: bool | None
     stages: tuple[str, ...]
     held_out: HeldOut | None
 
@@ -189,7 +190,7 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
         unit=skill.space.unit,
         attractor=tuple(skill.attractors[0].tolist()),
         demonstrations=artifact.reports,
-        converged=bool(results.get("converged")),
+        converged=cast("bool | None", results.get("converged")),
         stages=cast("tuple[str, ...]", results.get("stages", ())),
         held_out=HeldOut.recorded(results),
     )
