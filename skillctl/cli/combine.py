@@ -69,7 +69,7 @@ def blocks(report: CombineReport) -> list[render.Block]:
         ("selects again after", words.length(report.disturbance_distance, report.unit)),
         *words.proof(report.certificate),
     )
-    again = [words.refits(report.refits, report.unit)] if report.refits else []
+    again = words.refits(report.refits, report.unit)
     return [words.parts(report.parts, "prior"), *again, render.Table(headings, coverage), render.Facts(facts)]
 
 

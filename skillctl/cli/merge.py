@@ -97,11 +97,8 @@ def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
     if report.status == "up to date":
         return [words.up_to_date(report.written.skill, "inputs")]
-    blocks: list[render.Block] = [words.parts(report.parts, "weight")]
-    if report.refits:
-        blocks.append(words.refits(report.refits, report.unit))
-    if report.task is not None:
-        blocks.append(_errors(report.task, report.unit))
+    again = words.refits(report.refits, report.unit)
+    errors = [] if report.task is None else [_errors(report.task, report.unit)]
     facts = (
         *words.written(report.written),
         ("gate", words.gate(report.gate, report.parameters)),
@@ -111,7 +108,7 @@ def blocks(report: MergeReport) -> list[render.Block]:
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
         *words.proof(report.certificate),
     )
-    return [*blocks, render.Facts(facts)]
+    return [words.parts(report.parts, "weight"), *again, *errors, render.Facts(facts)]
 
 
 def _errors(task: TaskReport, unit: str) -> render.Table:

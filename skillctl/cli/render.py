@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -56,6 +56,12 @@ class Lines:
 
 
 Block: TypeAlias = Table | Facts | Lines | str
+
+
+def table(things: Iterable[Any], columns: Mapping[str, Callable[[Any], object]]) -> Table:
+    """Return a table with a row a thing; a column is a heading and a function from a thing to its cell."""
+    rows = tuple(tuple(str(cell(thing)) for cell in columns.values()) for thing in things)
+    return Table(tuple(columns), rows)
 
 
 def to_json(report: Any) -> str:

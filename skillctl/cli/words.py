@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skillctl.cli.render import Table
+from skillctl.cli.render import Table, table
 
 if TYPE_CHECKING:
     from skillctl.adapt.refit import Refit
@@ -34,6 +34,11 @@ def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return NONE
     return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def percent(share: float | None) -> str:
+    """Return a share of one in percent; a dash if there is none."""
+    return NONE if share is None else f"{share:.0%}"
 
 
 def point(values: Sequence[float], unit: str = "") -> str:
@@ -124,36 +129,38 @@ def short(digest: str | None) -> str:
 
 def parts(summaries: Sequence[PartSummary], share: str) -> Table:
     """Return a table of what a skill was made of."""
-    rows = tuple(
-        (str(number), part.skill, f"{part.share:.3g}", str(part.n_components), short(part.digest))
-        for number, part in enumerate(summaries, start=1)
-    )
-    return Table(("part", "skill", share, "components", "digest"), rows)
+    columns = {
+        "part": lambda part: part[0],
+        "skill": lambda part: part[1].skill,
+        share: lambda part: f"{part[1].share:.3g}",
+        "components": lambda part: part[1].n_components,
+        "digest": lambda part: short(part[1].digest),
+    }
+    return table(enumerate(summaries, start=1), columns)
 
 
-def refits(refits: Sequence[Refit], unit: str) -> Table:
-    """Return a table of the parts that were learned again, and what that did to their motions."""
-    rows = tuple((r.skill, length(r.dtw_before, unit), length(r.dtw_after, unit)) for r in refits)
-    return Table(("learned again", "DTW before", "DTW after"), rows)
+def refits(refits: Sequence[Refit], unit: str) -> list[Table]:
+    """Return a table of the parts that were learned again, and what that did to their motions, if any."""
+    columns = {
+        "learned again": lambda refit: refit.skill,
+        "DTW before": lambda refit: length(refit.dtw_before, unit),
+        "DTW after": lambda refit: length(refit.dtw_after, unit),
+    }
+    return [table(refits, columns)] if refits else []
 
 
 def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_leaf: bool = False) -> Table:
     """Return a table of how well each demonstration is repeated."""
-    headings = ("demonstration", "duration", "velocity RMSE", "DTW", "arrives")
-    rows = [
-        (
-            report.source,
-            f"{report.duration:.2f} s",
-            per_second(report.velocity_rmse, unit),
-            length(report.dtw, unit),
-            _arrival(report, unit),
-        )
-        for report in reports
-    ]
-    if with_leaf:
-        headings = ("leaf", *headings)  # type: ignore[assignment]
-        rows = [(str(report.leaf + 1), *row) for report, row in zip(reports, rows, strict=True)]  # type: ignore[misc]
-    return Table(headings, tuple(rows))
+    leaf = {"leaf": lambda report: report.leaf + 1} if with_leaf else {}
+    columns = {
+        **leaf,
+        "demonstration": lambda report: report.source,
+        "duration": lambda report: f"{report.duration:.2f} s",
+        "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
+        "DTW": lambda report: length(report.dtw, unit),
+        "arrives": lambda report: _arrival(report, unit),
+    }
+    return table(reports, columns)
 
 
 def _arrival(report: DemonstrationReport, unit: str) -> str:
