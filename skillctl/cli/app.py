@@ -110,28 +110,18 @@ class CommandGroup(TyperGroup):
             raise typer.Exit(ExitCode.USAGE)
         return super().parse_args(ctx, args)
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, args: Sequence[str] | None = None, *_: Any, **__: Any) -> Any:
         """Run one command and exit. (Typer's own would turn errors into boxes and exit 1.)"""
-        sys.exit(self._run(list(sys.argv[1:] if args is None else args)))
-
-    def _run(self, arguments: list[str]) -> int:
+        arguments = list(sys.argv[1:] if args is None else args)
         output, began = Output.for_arguments(arguments), time.monotonic()
         forget_published()
         try:
             status = self._outcome(arguments, output)
             output.flush()
         except (Exception, KeyboardInterrupt) as error:
-            return output.fail(error)
+            sys.exit(output.fail(error))
         output.detail(f"done in {time.monotonic() - began:.2f} s, exit code {int(status)}")
-        return status
+        sys.exit(status)
 
     def _outcome(self, arguments: list[str], output: Output) -> int:
         try:
@@ -167,45 +157,30 @@ def common_options() -> list[TyperOption]:
         ("verbose", "-v", "--verbose"): "Say more about what is being done.",
         ("debug", "--debug"): "Show tracebacks.",
     }
-    return [
-        TyperOption(
-            param_decls=list(names),
-            is_flag=True,
-            default=False,
-            expose_value=False,
-            callback=_set_on_output,
-            help=text,
-            rich_help_panel=COMMON,
-        )
-        for names, text in described.items()
-    ]
+    flag: dict[str, Any] = {"is_flag": True, "default": False, "expose_value": False}
+    flag |= {"callback": _set_on_output, "rich_help_panel": COMMON}
+    return [TyperOption(param_decls=list(names), help=text, **flag) for names, text in described.items()]
 
 
-def _set_on_output(context: Any, parameter: Any, value: bool) -> bool:
+def _set_on_output(context: Any, parameter: Any, value: bool) -> None:
     if value:
         setattr(context.find_root().obj, parameter.name, True)
-    return value
 
 
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it declares."""
-    module_name = name.replace("-", "_")
-    module = import_module(f"skillctl.cli.{module_name}")
+    function = name.replace("-", "_")
+    module = import_module(f"skillctl.cli.{function}")
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
-    single.command(
-        name,
-        cls=Command,
-        short_help=COMMANDS[name],
-        epilog=module.EXAMPLES,
-        context_settings=CONTEXT_SETTINGS,
-    )(expanded(getattr(module, module_name)))
+    described = {"short_help": COMMANDS[name], "epilog": module.EXAMPLES}
+    decorate = single.command(name, cls=Command, context_settings=CONTEXT_SETTINGS, **described)
+    decorate(expanded(getattr(module, function)))
     return typer.main.get_command(single)
 
 
-def app_options() -> list[Any]:
-    """Return the options that stand before the command."""
-    group: Any = typer.main.get_command(app)
-    return list(group.params)
+def group() -> Any:
+    """Return the group of all commands."""
+    return typer.main.get_command(app)
 
 
 app = typer.Typer(

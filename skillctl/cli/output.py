@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sys
@@ -53,10 +52,6 @@ class Output:
         else:
             self._write(render.to_text(blocks()))
 
-    def document(self, value: Any) -> None:
-        """Print a JSON document that is itself the result, without a schema version of ours."""
-        self._write(json.dumps(value, ensure_ascii=True, indent=2) + "\n")
-
     def verbatim(self, text: str) -> None:
         """Print a result whose form another program prescribes, as it is."""
         self._write(text)
@@ -75,7 +70,7 @@ class Output:
     def progress(self, label: str) -> Iterator[Callable[[str, int, int], None] | None]:
         """Yield a function (stage, done, total) that moves a progress bar; None where none can be shown.
 
-        Whoever asked for more words gets a line per stage instead.
+        With --verbose each stage is a line instead.
         """
         if self.quiet or self.as_json or not (self.verbose or is_terminal(sys.stderr)):
             yield None
@@ -89,19 +84,17 @@ class Output:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(label, total=None)
-
-            def update(stage: str, done: int, total: int) -> None:
-                bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
-
-            yield update
+            yield lambda stage, done, total: bar.update(
+                task, description=f"{label}: {stage}", completed=done, total=total
+            )
 
     def _stages(self, label: str) -> Callable[[str, int, int], None]:
-        began, last = time.monotonic(), ""
+        """Return a function that says when a new stage begins."""
+        began, known = time.monotonic(), {""}
 
         def say_new_stage(stage: str, done: int, total: int) -> None:
-            nonlocal last
-            if stage != last:
-                last = stage
+            if stage not in known:
+                known.add(stage)
                 self.note(f"{label}: {stage}, after {time.monotonic() - began:.2f} s")
 
         return say_new_stage

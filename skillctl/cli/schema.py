@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated
 
 import typer
@@ -36,4 +37,4 @@ def schema(
     if output.as_json:
         output.result(report, list)
     else:
-        output.document(report.schema)
+        output.verbatim(f"{json.dumps(report.schema, indent=2)}\n")
