@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
-from skillctl.cli.errors import forget_published, nearest_word
+from skillctl.cli.errors import nearest_word, publications
 from skillctl.cli.exit_codes import ExitCode, told
 from skillctl.cli.output import Output
 from skillctl.cli.parameters import expanded
@@ -114,7 +114,7 @@ class CommandGroup(TyperGroup):
         """Run one command and exit. (Typer's own would turn errors into boxes and exit 1.)"""
         arguments = list(sys.argv[1:] if args is None else args)
         output, began = Output.for_arguments(arguments), time.monotonic()
-        forget_published()
+        publications().clear()
         try:
             status = self._outcome(arguments, output)
             output.flush()

@@ -79,22 +79,17 @@ def learn(
         reading=reading,
         validated=validation.validate,
     )
-    report = make(output, "learning", making, call, lambda report: paths)
-    output.result(report, lambda: blocks(report))
+    make(output, "learning", making, call, blocks, lambda report: paths)
 
 
 def blocks(report: LearnReport) -> list[render.Block]:
     """Return the report for people."""
-    if report.status == "up to date":
-        return [words.up_to_date(report.written.skill, "files")]
-    facts = render.Facts(
-        (
-            *words.written(report.written),
-            ("components", str(report.n_components)),
-            ("attractor", words.point(report.attractor, report.unit)),
-            *words.proof(report.certificate),
-            *words.stages(report.stages),
-            *words.held_out(report.held_out, report.unit),
-        )
+    facts = (
+        *words.written(report.written),
+        ("components", str(report.n_components)),
+        ("attractor", words.point(report.attractor, report.unit)),
+        *words.proof(report.certificate),
+        *words.stages(report.stages),
+        *words.held_out(report.held_out, report.unit),
     )
-    return [words.demonstrations(report.demonstrations, report.unit), facts]
+    return [words.demonstrations(report.demonstrations, report.unit), render.Facts(facts)]

@@ -50,17 +50,14 @@ def learn_batch(output: Output, manifest: Path, making: Making, place: Place, wo
             manifest, store=place.store, force=making.force, workers=work.workers(), progress=progress
         )
     for each in report.skills:
-        if each.report is not None:
-            notes, reasons = each.report.notes, each.report.reasons if making.explain else ()
-            words.explain(output, _of(each, notes), _of(each, reasons))
+        if (made := each.report) is not None:
+            named = [f"{each.skill}: {note}" for note in made.notes]
+            reasons = [f"{each.skill}: {reason}" for reason in made.reasons if making.explain]
+            words.explain(output, named, reasons)
     output.result(report, lambda: blocks(report))
     failures = [describe(each.error) for each in report.skills if each.error is not None]
     output.failures(failures, len(report.skills), "learned")
     return max((failure.code for failure in failures), default=ExitCode.DONE)
-
-
-def _of(outcome: SkillOutcome, sentences: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{outcome.skill}: {sentence}" for sentence in sentences)
 
 
 def blocks(report: LearnManyReport) -> list[render.Block]:
@@ -70,17 +67,12 @@ def blocks(report: LearnManyReport) -> list[render.Block]:
 
 
 def _row(outcome: SkillOutcome) -> tuple[str, ...]:
+    from skillctl.evaluate.errors import mean_dtw  # late: it imports NumPy
+
     report = outcome.report
     if report is None:
         return (outcome.skill, outcome.outcome, *[words.NONE] * 5)
     rate, _, frequency = words.rate_and_period(report.certificate.rate, report.certificate.period)
-    distances = [each.dtw for each in report.demonstrations if each.dtw is not None]
-    return (
-        report.written.skill,
-        outcome.outcome,
-        str(report.n_components),
-        words.length(sum(distances) / len(distances) if distances else None, report.unit),
-        rate,
-        frequency,
-        words.short(report.written.digest),
-    )
+    distance, skill = words.length(mean_dtw(report.demonstrations), report.unit), report.written
+    learned = (str(report.n_components), distance, rate, frequency)
+    return (skill.skill, outcome.outcome, *learned, words.short(skill.digest))

@@ -12,14 +12,12 @@ import typer
 from skillctl.adapt.options import TASK, TaskOptions
 from skillctl.cli import options, render, words
 from skillctl.cli.making import files_of, make
-from skillctl.cli.output import Output
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
 from skillctl.options import changed
 
 if TYPE_CHECKING:
-    from skillctl.adapt.task import TaskErrors
     from skillctl.usecases.merge import MergeReport, TaskReport
 
 EXAMPLES = """\b
@@ -68,16 +66,12 @@ def merge(
         task=replace(task, reading=reading) if task.demonstrations else None,
         refit=not no_refit,
     )
-    files = [Path(skill) for skill in skills or () if isinstance(parse_reference(skill), Path)]
-    output: Output = context.obj
-    report = make(
-        output,
-        "merging",
-        making,
-        call,
-        lambda report: [*files, *files_of(report.parts, place), *task.demonstrations],
-    )
-    output.result(report, lambda: blocks(report))
+    named = [Path(skill) for skill in skills or () if isinstance(parse_reference(skill), Path)]
+
+    def made_from(report: MergeReport) -> list[Path]:
+        return [*named, *files_of(report.parts, place), *task.demonstrations]
+
+    make(context.obj, "merging", making, call, blocks, made_from)
 
 
 def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading) -> None:
@@ -95,15 +89,16 @@ def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading)
 
 def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
-    if report.status == "up to date":
-        return [words.up_to_date(report.written.skill, "inputs")]
     again = words.refits(report.refits, report.unit)
-    errors = [] if report.task is None else [_errors(report.task, report.unit)]
+    task, errors, fitted = report.task, list[render.Block](), list[tuple[str, str]]()
+    if task is not None:
+        errors = [_errors(task, report.unit)]
+        fitted = [("fitted", f"{task.choice}; chosen from {task.candidates} skills")]
     facts = (
         *words.written(report.written),
         ("gate", words.gate(report.gate, report.parameters)),
         ("speed", f"{report.speed:.4g}"),
-        *_fit(report.task),
+        *fitted,
         ("attractor", words.point(report.attractor, report.unit)),
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
         *words.proof(report.certificate),
@@ -113,18 +108,13 @@ def blocks(report: MergeReport) -> list[render.Block]:
 
 def _errors(task: TaskReport, unit: str) -> render.Table:
     """Return the errors on the demonstrations of the task, and on those left out in turn."""
-
-    def row(name: str, errors: TaskErrors) -> tuple[str, ...]:
-        single = f"{words.length(errors.best_single, unit)} (part {errors.best_part})"
-        return (name, single, words.length(errors.equal, unit), words.length(errors.fitted, unit))
-
-    rows = [row(f"{task.demonstrations} given", task.errors)]
+    rows = [(f"{task.demonstrations} given", task.errors)]
     if task.held_out is not None:
-        rows.append(row("each left out in turn", task.held_out))
-    return render.Table(("DTW to demonstrations", "best part alone", "equal weights", "fitted"), tuple(rows))
-
-
-def _fit(task: TaskReport | None) -> tuple[tuple[str, str], ...]:
-    if task is None:
-        return ()
-    return (("fitted", f"{task.choice}; chosen from {task.candidates} skills"),)
+        rows.append(("each left out in turn", task.held_out))
+    columns = {
+        "DTW to demonstrations": lambda row: row[0],
+        "best part alone": lambda row: f"{words.length(row[1].best_single, unit)} (part {row[1].best_part})",
+        "equal weights": lambda row: words.length(row[1].equal, unit),
+        "fitted": lambda row: words.length(row[1].fitted, unit),
+    }
+    return render.table(rows, columns)

@@ -90,11 +90,12 @@ class Output:
 
     def _stages(self, label: str) -> Callable[[str, int, int], None]:
         """Return a function that says when a new stage begins."""
-        began, known = time.monotonic(), {""}
+        began, last = time.monotonic(), ""
 
         def say_new_stage(stage: str, done: int, total: int) -> None:
-            if stage not in known:
-                known.add(stage)
+            nonlocal last
+            if stage != last:
+                last = stage
                 self.note(f"{label}: {stage}, after {time.monotonic() - began:.2f} s")
 
         return say_new_stage

@@ -87,19 +87,20 @@ def _sentences(sentences: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{_safe(sentence)}</li>" for sentence in sentences) + "\n</ul>"
 
 
+def _row(cells: Sequence[str], tags: Sequence[str]) -> str:
+    inside = "".join(f"<{tag}>{_safe(cell)}</{tag}>" for tag, cell in zip(tags, cells, strict=True))
+    return f"<tr>{inside}</tr>"
+
+
 def _block(block: render.Block) -> str:
     """Return a block of a report as HTML."""
     if isinstance(block, render.Facts):
-        rows = "\n".join(
-            f"<tr><th>{_safe(name)}</th><td>{_safe(value)}</td></tr>" for name, value in block.items
-        )
+        rows = "\n".join(_row(item, ("th", "td")) for item in block.items)
         return f'<table class="facts">\n{rows}\n</table>'
     if isinstance(block, render.Table):
-        head = "".join(f"<th>{_safe(heading)}</th>" for heading in block.headings)
-        rows = "\n".join(
-            "<tr>" + "".join(f"<td>{_safe(cell)}</td>" for cell in row) + "</tr>" for row in block.rows
-        )
-        inside = f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>"
+        count = len(block.headings)
+        rows = "\n".join(_row(row, ["td"] * count) for row in block.rows)
+        inside = f"<thead>{_row(block.headings, ['th'] * count)}</thead>\n<tbody>\n{rows}\n</tbody>"
         return f'<div class="wide"><table>\n{inside}\n</table></div>'
     if isinstance(block, render.Lines):
         return f"<p>{_safe(block.title)}</p>\n{_sentences(block.sentences)}"

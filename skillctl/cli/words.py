@@ -109,11 +109,6 @@ def written(place: Written) -> tuple[tuple[str, str], ...]:
     return (("skill", name), ("file", near(place.path)), ("digest", place.digest))
 
 
-def up_to_date(skill: str, inputs: str) -> str:
-    """Return the sentence about a skill that need not be made again."""
-    return f"{skill} is up to date: the same {inputs} and options gave it. --force makes it again."
-
-
 def explain(output: Output, notes: Sequence[str], reasons: Sequence[str] = ()) -> None:
     """Say what was noticed, and why something was made."""
     for note in notes:
