@@ -53,33 +53,45 @@ Results go to standard output, everything else to standard error.
 Exit codes: {told()}."""
 
 
-class Command(TyperCommand):
-    """A command that also has the options every command has, and whose help shows options in groups."""
+COMMON = "Every command"
+PLACES = {"Arguments": 0, "Options": 2, COMMON: 3}  # of the sections of a help; others are between
+
+
+class Grouped:
+    """What also has the options that every command has, and shows options in groups."""
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
-        self.params.extend(common_options())
+        self.params: list[Any]
+        self.params.extend(common_options())  # `skillctl --json ls` as well as `skillctl ls --json`
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the parameters, one section a group."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):  # type: ignore[attr-defined]
+            if (record := parameter.get_help_record(ctx)) is not None:
+                kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
+        for title, records in sorted(sections.items(), key=lambda section: PLACES.get(section[0], 1)):
+            with formatter.section(title):
+                formatter.write_dl(records)
+
+
+class Command(Grouped, TyperCommand):
+    """A command."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line, required arguments without braces."""
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the help of the options."""
-        write_grouped(self.get_params(ctx), ctx, formatter)
 
-
-class CommandGroup(TyperGroup):
+class CommandGroup(Grouped, TyperGroup):
     """The group of all commands: lists them without importing them, and decides every exit code."""
 
-    def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, **keywords)
-        self.params.extend(common_options())  # `skillctl --json ls` as well as `skillctl ls --json`
-
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the help of the options and the list of commands."""
+        """Write the list of commands, then the help of the options."""
         self.format_commands(ctx, formatter)
-        write_grouped(self.get_params(ctx), ctx, formatter)
+        super().format_options(ctx, formatter)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the registry."""
@@ -130,23 +142,6 @@ class CommandGroup(TyperGroup):
         except typer.Exit as stop:
             return int(stop.exit_code)
         return ExitCode.DONE
-
-
-COMMON = "Every command"
-
-
-def write_grouped(parameters: Sequence[Any], context: Any, formatter: Any) -> None:
-    """Write the help of parameters, one section a group: arguments first, what every command has last."""
-    sections: dict[str, list[tuple[str, str]]] = {}
-    for parameter in parameters:
-        record = parameter.get_help_record(context)
-        if record is not None:
-            kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
-            sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
-    place = {"Arguments": 0, "Options": 2, COMMON: 3}
-    for title, records in sorted(sections.items(), key=lambda section: place.get(section[0], 1)):
-        with formatter.section(title):
-            formatter.write_dl(records)
 
 
 def common_options() -> list[TyperOption]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from skillctl.cli.errors import nearest_word
 from skillctl.cli.render import SCHEMA_VERSION
 from skillctl.errors import NotFoundError
 
@@ -32,10 +34,23 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "rm": ("skillctl.usecases.versions:RemoveReport",),
     "gc": ("skillctl.usecases.versions:RemoveReport",),
     "export": ("skillctl.usecases.export:ExportReport",),
-    "schema": ("skillctl.usecases.schema:SchemaReport",),
+    "schema": ("skillctl.cli.documents:SchemaReport",),
     "completion": ("skillctl.cli.completion:CompletionReport",),
     "error": ("skillctl.cli.errors:Failure",),  # on standard error, whatever the command
 }
+
+
+@dataclass(frozen=True)
+class SchemaReport:
+    """A JSON Schema.
+
+    Attributes:
+        schema: The schema, draft 2020-12.
+        format: Version of the artifact format, if that is what it describes.
+    """
+
+    schema: dict[str, Any]
+    format: int | None = None
 
 
 def schema_of_output(name: str) -> dict[str, Any]:
@@ -46,12 +61,9 @@ def schema_of_output(name: str) -> dict[str, Any]:
     Raises:
         NotFoundError: No command prints that.
     """
-    from skillctl.cli.errors import nearest_word
-
     if name not in OUTPUTS:
-        raise NotFoundError(
-            f"no command prints {name!r}.", hint=nearest_word(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
-        )
+        hint = nearest_word(name, OUTPUTS) or f"It is {', '.join(OUTPUTS)}."
+        raise NotFoundError(f"no command prints {name!r}.", hint=hint)
     from skillctl.cli.schemas import schemas_of
 
     documents, definitions = schemas_of(report_types(name))

@@ -29,11 +29,15 @@ def schema(
 
     Keys are only ever added to an output while its schema_version stays the same.
     """
-    from skillctl.cli.documents import schema_of_output
-    from skillctl.usecases.schema import SchemaReport, schema_of_metadata
+    from skillctl.cli.documents import SchemaReport, schema_of_output
+    from skillctl.store import metadata_schema
+    from skillctl.store.migrations import FORMAT_VERSION
 
     output: Output = context.obj
-    report = schema_of_metadata() if output_name is None else SchemaReport(schema_of_output(output_name))
+    if output_name is None:
+        report = SchemaReport(metadata_schema(), FORMAT_VERSION)
+    else:
+        report = SchemaReport(schema_of_output(output_name))
     if output.as_json:
         output.result(report, list)
     else:

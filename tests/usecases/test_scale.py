@@ -101,7 +101,7 @@ def test_a_batch_writes_what_learn_writes_and_goes_on_after_bad_ones(project: Pa
         output="hook.h5",
         note="two of them",
         options=LearnOptions(preset="fast", n_components=2, metric="euclidean"),
-        reading=read_manifest(Path("many.toml")).skills[2].reading,
+        reading=read_manifest(Path("many.toml"))[2].reading,
     )
     assert made(project) == batch
 
@@ -326,7 +326,7 @@ def test_a_manifest_knows_the_options_of_learn_and_their_defaults(tmp_path: Path
     keys = {field.alias or name for name, field in manifest.Skill.model_fields.items()}
     assert set(options) - per_run == keys - {"data"}
     (file := tmp_path / "m.toml").write_text("[[skills]]\ndata = 'x'\nname = 'a'\n")
-    (entry,) = read_manifest(file).skills
+    (entry,) = read_manifest(file)
     assert (entry.learning, entry.reading) == (LearnOptions(), Reading())
 
 
