@@ -121,11 +121,6 @@ def literals(kind: Any) -> tuple[str, ...]:
     return next(filter(None, map(literals, get_args(kind))), ())
 
 
-def is_optional(kind: Any) -> bool:
-    """Return whether a type allows None."""
-    return type(None) in get_args(kind)
-
-
 def read_numbers(text: str) -> tuple[float, ...]:
     """Read ``1,2.5,-3``, or raise ValueError."""
     return _listed(text, float, "numbers separated by commas, as in 0.4,0,0.5")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 from skillctl.demonstrations.options import Reading
 from skillctl.options import option
 
 FitLevel: TypeAlias = Literal["part", "component"]
-FIT_LEVELS: tuple[FitLevel, ...] = get_args(FitLevel)
 
 TASK = "Fitting to a task"
 

@@ -90,10 +90,9 @@ def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading)
 def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
     again = words.refits(report.refits, report.unit)
-    task, errors, fitted = report.task, list[render.Block](), list[tuple[str, str]]()
-    if task is not None:
-        errors = [_errors(task, report.unit)]
-        fitted = [("fitted", f"{task.choice}; chosen from {task.candidates} skills")]
+    task = report.task
+    errors = [] if task is None else [_errors(task, report.unit)]
+    fitted = [] if task is None else [("fitted", f"{task.choice}; chosen from {task.candidates} skills")]
     facts = (
         *words.written(report.written),
         ("gate", words.gate(report.gate, report.parameters)),

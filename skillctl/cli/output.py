@@ -48,7 +48,8 @@ class Output:
         if self.as_json:
             self._write(render.to_json(report) + "\n")
         elif is_terminal(sys.stdout):
-            self._write(render.to_terminal(blocks(), coloured=allows_colour()))
+            coloured = not os.environ.get("NO_COLOR")  # https://no-color.org
+            self._write(render.to_terminal(blocks(), coloured=coloured))
         else:
             self._write(render.to_text(blocks()))
 
@@ -62,7 +63,7 @@ class Output:
             _to_stderr(_wrapped(printable(text)))
 
     def detail(self, text: str) -> None:
-        """Say something that only those want to know who asked for it."""
+        """Say something that is shown with --verbose only."""
         if self.verbose:
             self.note(text)
 
@@ -142,10 +143,8 @@ class Output:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise StoreError(
-                f"standard output cannot be written: {error.strerror}.",
-                hint="Free some space, or write elsewhere.",
-            ) from error
+            problem = f"standard output cannot be written: {error.strerror}."
+            raise StoreError(problem, hint="Free some space, or write elsewhere.") from error
 
 
 def is_terminal(stream: TextIO | None) -> bool:
@@ -155,21 +154,12 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream.isatty()
 
 
-def allows_colour() -> bool:
-    """Return whether the user wants colours (https://no-color.org)."""
-    return not os.environ.get("NO_COLOR")
-
-
 def _wrapped(text: str) -> str:
     """Return text broken between words where standard error is a terminal, which breaks within them."""
     if not is_terminal(sys.stderr):
         return text
-    wrapper = textwrap.TextWrapper(
-        shutil.get_terminal_size().columns,
-        subsequent_indent="  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    whole: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False, "subsequent_indent": "  "}
+    wrapper = textwrap.TextWrapper(shutil.get_terminal_size().columns, **whole)
     return "\n".join(map(wrapper.fill, text.split("\n")))
 
 

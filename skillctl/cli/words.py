@@ -66,11 +66,11 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
     """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
     local = "" if certificate.scope == "global" else f" ({certificate.scope} proof)"
     facts = [("verdict", f"{certificate.verdict}{local}")]
-    rate_text, period_text, frequency = rate_and_period(certificate.rate, certificate.period)
-    if certificate.rate is not None:
-        facts.append(("decay rate", f"at least {rate_text}"))
-    if certificate.period is not None:
-        facts.append(("controller period", f"up to {period_text} ({frequency} or faster)"))
+    rate, period, frequency = rate_and_period(certificate.rate, certificate.period)
+    if rate != NONE:
+        facts.append(("decay rate", f"at least {rate}"))
+    if period != NONE:
+        facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
     return tuple(facts)
 
 
@@ -153,14 +153,11 @@ def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_le
         "duration": lambda report: f"{report.duration:.2f} s",
         "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
         "DTW": lambda report: length(report.dtw, unit),
-        "arrives": lambda report: _arrival(report, unit),
+        "arrives": lambda report: (
+            f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
+        ),
     }
     return table(reports, columns)
-
-
-def _arrival(report: DemonstrationReport, unit: str) -> str:
-    """Return whether the motion arrived, and if not how far it stayed off."""
-    return f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
 
 
 def per_second(value: float | None, unit: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 from skillctl.errors import UsageError
 from skillctl.options import option, require_choices
@@ -12,9 +12,6 @@ from skillctl.options import option, require_choices
 Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
 Metric: TypeAlias = Literal["learned", "euclidean"]
 Preset: TypeAlias = Literal["fast", "default", "quality"]
-OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
-METRICS: tuple[Metric, ...] = get_args(Metric)
-PRESETS: tuple[Preset, ...] = get_args(Preset)
 
 LEARNING = "Learning"
 
