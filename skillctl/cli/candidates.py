@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from skillctl.cli.app import COMMANDS, group, load_command
-from skillctl.cli.documents import OUTPUTS
+from skillctl.cli.schema import OUTPUTS
 from skillctl.errors import SkillctlError, printable
 from skillctl.store import Registry, locate_store
 

@@ -315,7 +315,7 @@ def test_a_manifest_that_means_nothing_is_refused_before_anything_is_learned(
 def test_a_manifest_knows_the_options_of_learn_and_their_defaults(tmp_path: Path) -> None:
     """What a command takes and a manifest does not is about one run, and not about one skill."""
     from skillctl.cli.app import load_command
-    from skillctl.cli.learn_batch import FOR_ALL
+    from skillctl.cli.learn import FOR_ALL
 
     per_run = {"depfile", "if-changed"}  # a build tool's, about one target
     options = {
