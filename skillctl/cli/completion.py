@@ -50,8 +50,8 @@ def completion(
 ) -> None:
     """Complete commands, options, skills and files with the TAB key.
 
-    Prints the script that teaches it to a shell. With --install, the script is written into your data folder
-    and one line that reads it is added to ~/.bashrc or ~/.zshrc; fish finds it by itself.
+    The script that a shell needs for this is printed. With --install, it is written into your data folder and
+    one line that reads it is added to ~/.bashrc or ~/.zshrc; fish finds it by itself.
     """
     output: Output = context.obj
     shell = shell or _login_shell()

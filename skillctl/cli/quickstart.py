@@ -26,10 +26,10 @@ def quickstart(
         Path, typer.Argument(metavar="[DIR]", help="Where to do it: new, empty, or an earlier quickstart.")
     ] = Path("quickstart"),
 ) -> None:
-    """See it all on an example: reach for a cup on a shelf.
+    """See every step on an example: reach for a cup on a shelf.
 
-    Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches nobody
-    demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated arm.
+    Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches that were
+    not demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated arm.
     Every command is printed as it is run, so that you can repeat it by hand.
     """
     from skillctl.usecases.quickstart import quickstart as run_quickstart

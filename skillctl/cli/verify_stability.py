@@ -28,9 +28,9 @@ Example:
   skillctl verify-stability skills/*/*.h5 --jobs 4
   skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
 
-Exit codes: 0 what is required is proved of all; 1 of one it is not, or it is not signed; 3 none is refuted,
-but one is open; and before all of these, the code of the worst skill that could not be read: 8 disk,
-7 refused, 4 not found."""
+Exit codes: 0 the requirement is proved of every skill; 1 it is not proved of one, or one is not signed;
+3 it is open for one and refuted for none. If skills cannot be read, the largest of their codes counts
+instead: 8 disk, 7 refused, 4 not found."""
 
 REPORTS = "Reports"
 
@@ -42,7 +42,7 @@ class Reporting:
     require_signature: Path | None = option(
         metavar="PUBLIC.pem",
         group=REQUIRED,
-        help="This key has signed each skill; see `skillctl sign`.",
+        help="Key that must have signed each skill; see `skillctl sign`.",
     )
     report: tuple[tuple[str, Path], ...] = option(
         (),

@@ -79,12 +79,13 @@ class LearnOptions:
     objective: Objective = option(
         "reproduction",
         group=LEARNING,
-        help="reproduction: velocities and whole motions; mse: velocities; likelihood: Eq. 6.",
+        help="What is optimised. reproduction: velocities and whole motions; mse: velocities; likelihood: "
+        "the likelihood of the demonstrations.",
     )
     metric: Metric = option(
         "learned",
         group=LEARNING,
-        help="In which distance the motion approaches the target: learned from the data, or plain.",
+        help="Distance in which the motion approaches the target: learned from the data, or Euclidean.",
     )
     n_components: int | Literal["auto"] | None = option(
         name="components",
@@ -95,18 +96,18 @@ class LearnOptions:
         "Default: 7 (9 with --preset quality), or fewer for little data.",
     )
     preset: Preset = option("default", group=LEARNING, help="How much work to spend.")
-    seed: int = option(0, metavar="N", group=LEARNING, help="Of the random starts.")
+    seed: int = option(0, metavar="N", group=LEARNING, help="Seed of the random starts.")
     slowest_rate: float = option(
         0.03,
         metavar="R",
         group=LEARNING,
-        help="Decay that every component keeps at least, in the motion's own unit of time.",
+        help="Decay rate that every component keeps at least, in the motion's own unit of time.",
     )
     period: float = option(
         0.01,
         metavar="S",
         group=LEARNING,
-        help="Controller period in seconds that the proof must cover; 0: any.",
+        help="Controller period in seconds that the proof must cover; 0: none.",
     )
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The whole story on an example: demonstrations, skills, skills from skills, proofs, a simulated arm."""
+"""Every step on an example: demonstrations, skills, skills from skills, proofs, a simulated arm."""
 
 from __future__ import annotations
 
