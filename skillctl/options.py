@@ -111,7 +111,7 @@ def require_choices(values: Any) -> None:
     for each in options_of(kind):
         value = getattr(values, each.field)
         if each.choices and value not in (*each.choices, each.default):
-            raise UsageError(f"{each.key}: one of {', '.join(each.choices)}, not {value!r}.")
+            raise UsageError(f"{each.key}: must be one of {', '.join(each.choices)}, got {value!r}.")
 
 
 def literals(kind: Any) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading)
     if not task.demonstrations:
         for option in (*changed(task), *changed(reading)):
             raise UsageError(
-                f"--{option.key}: only with --fit.", hint="Add --fit DEMO, a file with the new task."
+                f"--{option.key} is only used with --fit.", hint="Add --fit DEMO, a file with the new task."
             )
     if not (skills or task.from_store):
         raise UsageError(

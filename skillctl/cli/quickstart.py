@@ -29,8 +29,8 @@ def quickstart(
     """See every step on an example: reach for a cup on a shelf.
 
     Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches that were
-    not demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated arm.
-    Every command is printed as it is run, so that you can repeat it by hand.
+    not demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated
+    arm. Every command is printed as it is run, so that you can repeat it by hand.
     """
     from skillctl.usecases.quickstart import quickstart as run_quickstart
 

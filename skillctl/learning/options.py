@@ -113,13 +113,13 @@ class LearnOptions:
     def __post_init__(self) -> None:
         require_choices(self)
         if isinstance(self.n_components, int) and self.n_components < 1:
-            raise UsageError(f"components: at least 1, not {self.n_components}.")
+            raise UsageError(f"components: must be at least 1, got {self.n_components}.")
         if not 0 < self.slowest_rate <= 1:
-            raise UsageError(f"slowest rate: above 0 and at most 1, not {self.slowest_rate:g}.")
+            raise UsageError(f"slowest rate: must be above 0 and at most 1, got {self.slowest_rate:g}.")
         if not 0 <= self.period < math.inf:
-            raise UsageError(f"period: zero or a positive number of seconds, not {self.period:g}.")
+            raise UsageError(f"period: must be zero or a positive number of seconds, got {self.period:g}.")
         if self.seed < 0:
-            raise UsageError(f"seed: zero or a positive whole number, not {self.seed}.")
+            raise UsageError(f"seed: must be zero or a positive whole number, got {self.seed}.")
 
     @property
     def effort(self) -> Effort:

@@ -167,7 +167,7 @@ def _require_tables(others: dict[str, Any], common: Any, tables: Any) -> None:
         raise ValueError(f"options: must be a table [options], got {common!r}.")
     for each in options_of(Result):
         if each.key in common:
-            raise ValueError(f"options: {each.key}: stands in [[skills]], for each by itself.")
+            raise ValueError(f"options: {each.key}: must be given in [[skills]], for each skill by itself.")
     _values(Choices, common, "options: ")
     if tables is None:
         raise ValueError("skills: is missing.")

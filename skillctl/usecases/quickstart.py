@@ -183,12 +183,12 @@ def _require_free(directory: Path) -> None:
     """Raise UsageError unless the directory is missing, empty, or holds an earlier quickstart alone."""
     if not directory.exists():
         return
-    problem = "" if directory.is_dir() else "not a directory"
+    problem = "" if directory.is_dir() else "is not a directory"
     ours = {str(DEMONSTRATIONS), str(STORE), str(PICTURE)}
     if not problem and (foreign := {entry.name for entry in directory.iterdir()} - ours):
-        problem = f"not empty: it holds {min(foreign)}"
+        problem = f"is not empty: it holds {min(foreign)}"
     if problem:
-        raise UsageError(f"{directory}: {problem}.", hint="Name a new directory: skillctl quickstart DIR")
+        raise UsageError(f"{directory} {problem}.", hint="Name a new directory: skillctl quickstart DIR")
 
 
 @contextmanager
