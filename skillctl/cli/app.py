@@ -13,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
 from skillctl.cli.errors import nearest_word, publications
-from skillctl.cli.exit_codes import ExitCode, told
+from skillctl.cli.exit_codes import ExitCode, described
 from skillctl.cli.output import Output
 from skillctl.cli.parameters import expanded
 
@@ -50,7 +50,7 @@ Example:
   skillctl verify-stability reach
 
 Results go to standard output, everything else to standard error.
-Exit codes: {told()}."""
+Exit codes: {described()}."""
 
 
 COMMON = "Every command"
@@ -58,7 +58,7 @@ PLACES = {"Arguments": 0, "Options": 2, COMMON: 3}  # of the sections of a help;
 
 
 class Grouped:
-    """What also has the options that every command has, and shows options in groups."""
+    """Adds the options that every command has, and shows options in groups."""
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
@@ -98,7 +98,7 @@ class CommandGroup(Grouped, TyperGroup):
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a stub that knows a command's name and help only."""
+        """Return a stub with a command's name and help only."""
         return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -180,7 +180,7 @@ def group() -> Any:
 
 app = typer.Typer(
     cls=CommandGroup,
-    add_completion=False,  # ours also knows skills; see `skillctl completion`
+    add_completion=False,  # ours completes skills, too; see `skillctl completion`
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings=CONTEXT_SETTINGS,

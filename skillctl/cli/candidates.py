@@ -1,6 +1,6 @@
-"""What can follow the words typed so far: the answer to a shell in which TAB was pressed.
+"""The words that can follow those typed so far: the answer to a shell in which TAB was pressed.
 
-Nothing heavy may be imported here: a key has to answer at once.
+Nothing heavy may be imported here, because the answer has to come at once.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Kind: TypeAlias = Literal["words", "files", "directories"]
 
 @dataclass(frozen=True)
 class Answer:
-    """What a shell is told.
+    """The answer to a shell.
 
     Attributes:
         words: Candidates with a few words of help, which may be empty. They complete the whole word.
-        kind: What else fits, and is left to the shell: nothing, files, or directories.
+        kind: What the shell itself completes besides: nothing, files, or directories.
         settled: How many characters of the word come before the name of that file, as in ``--output=``.
     """
 
@@ -124,7 +124,7 @@ def _given(parameter: Any, context: Any) -> bool:
 
 
 def _value(parameter: Any, word: str, context: Any) -> Answer:
-    """Return the values of a parameter, which are known by the word that its help has for them."""
+    """Return the values of a parameter; the word for them in its help says which they are."""
     metavar = (parameter.metavar or "").strip("[].")
     if metavar in VALUES:
         return VALUES[metavar](word, context).starting_with(word)

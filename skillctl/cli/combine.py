@@ -40,12 +40,7 @@ def combine(
     from skillctl.usecases.combine import combine as combine_skills
 
     call = partial(
-        combine_skills,
-        skills,
-        store=place.store,
-        lock=place.lock,
-        options=combining,
-        refit=not no_refit,
+        combine_skills, skills, store=place.store, lock=place.lock, options=combining, refit=not no_refit
     )
     output: Output = context.obj
     report = make(output, "combining", making, call, blocks, lambda report: files_of(report.parts, place))
@@ -69,7 +64,7 @@ def blocks(report: CombineReport) -> list[render.Block]:
 
 
 def _displaced(report: CombineReport) -> list[str]:
-    """Return a sentence for each part that seldom acts where it was taught: a proof does not see that."""
+    """Return a sentence for each part that seldom acts where it was taught: a proof does not show that."""
     untried = report.status == "combined" and report.coverage_before is None
     advice = "; --calibrate chooses priors that give it more" if untried else ""
     return [

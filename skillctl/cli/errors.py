@@ -14,7 +14,7 @@ from skillctl import errors
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import did_you_mean, printable
 
-# What the parser says in a programmer's words, and how it is said here.
+# Phrases of the parser, which speaks to programmers, and ours for them.
 REWORDED = (
     (re.compile(r"('.*') is not a valid int(eger)?( range)?\."), r"\1 is not a whole number."),
     (re.compile(r"('.*') is not a valid float( range)?\."), r"\1 is not a number."),
@@ -32,7 +32,7 @@ ParserError: type[Exception] = typer.BadParameter.__bases__[0]
 
 @dataclass(frozen=True)
 class Failure:
-    """What is told about an error: exit code, one sentence, and the next action (may be empty)."""
+    """An error in words: exit code, one sentence, and the next action (may be empty)."""
 
     code: ExitCode
     message: str
@@ -40,7 +40,7 @@ class Failure:
 
 
 def describe(error: BaseException) -> Failure:
-    """Return what to tell about an error."""
+    """Return an error in words."""
     if isinstance(error, ParserError):
         return _usage_failure(error)
     code = ExitCode.of(error)
@@ -80,7 +80,7 @@ def nearest_word(word: str, known: Iterable[str]) -> str:
 
 
 def _usage_failure(error: Any) -> Failure:
-    """Return what to tell about an error of the parser, in our words."""
+    """Return an error of the parser in our words."""
     option, hint = getattr(error, "option_name", None), ""
     if option is not None and hasattr(error, "possibilities"):
         message = f"No such option: {option}"

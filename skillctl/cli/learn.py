@@ -40,11 +40,7 @@ WORK = {"jobs", "backend", "scheduler"}
 def learn(
     context: typer.Context,
     data: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DATA...",
-            help=f"Files with demonstrations: {described()}.",
-        ),
+        list[str] | None, typer.Argument(metavar="DATA...", help=f"Files with demonstrations: {described()}.")
     ] = None,
     *,
     making: options.Making,
@@ -103,7 +99,7 @@ def blocks(report: LearnReport) -> list[render.Block]:
 
 
 def _require_one_kind(context: Any, batch: Path | None) -> None:
-    """Refuse options that are about one skill where many are asked for, and the other way round.
+    """Refuse options that are about one skill where many are to be learned, and the other way round.
 
     Raises:
         UsageError: One of them was given.
@@ -126,7 +122,7 @@ def _require_one_kind(context: Any, batch: Path | None) -> None:
 def _learn_batch(
     output: Output, manifest: Path, making: options.Making, place: options.Place, work: options.Work
 ) -> ExitCode:
-    """Learn the skills of a manifest, tell about them, and return the exit code: the worst of all."""
+    """Learn the skills of a manifest, report them, and return the exit code: the largest of all."""
     from skillctl.usecases.learn_many import learn_many
 
     with output.progress("learning") as progress:

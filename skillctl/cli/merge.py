@@ -37,8 +37,7 @@ ORIGINS = {
 def merge(
     context: typer.Context,
     skills: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SKILL...", help=f"Two or more: {options.SKILL}."),
+        list[str] | None, typer.Argument(metavar="SKILL...", help=f"Two or more: {options.SKILL}.")
     ] = None,
     *,
     making: options.Making,

@@ -47,7 +47,7 @@ class Place:
 
 @dataclass(frozen=True)
 class LockedPlace(Place):
-    """Where names are looked up, by commands that can be told to use nothing but what is locked."""
+    """Where names are looked up, by commands that can be restricted to locked skills."""
 
     locked: bool = option(
         False,

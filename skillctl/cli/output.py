@@ -1,4 +1,4 @@
-"""Where things are said: results on standard output, everything else on standard error."""
+"""The streams of a run: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skillctl.errors import StoreError, printable
 
 @dataclass
 class Output:
-    """The streams of one run, and how much the user wants to hear.
+    """The streams of one run, and how much is printed on them.
 
     Attributes:
         as_json: The result is one JSON document; so is an error.
@@ -58,12 +58,12 @@ class Output:
         self._write(text)
 
     def note(self, text: str) -> None:
-        """Say something that is not the result."""
+        """Print what is not the result."""
         if not (self.quiet or self.as_json):
             _to_stderr(_wrapped(printable(text)))
 
     def detail(self, text: str) -> None:
-        """Say something that is shown with --verbose only."""
+        """Print what is only of interest with --verbose."""
         if self.verbose:
             self.note(text)
 

@@ -78,7 +78,7 @@ def _parameter(name: str, key: str, kind: Any, default: Any, option: Option) -> 
 
 
 def _kind(declared: Declared) -> Any:
-    """Return the type that Typer is told: what is read by a function of ours can be anything."""
+    """Return the type for Typer: a value that a function of ours reads can be of any type."""
     if declared.option.repeated:
         entry: Any = Any if declared.option.read else get_args(declared.kind)[0]
         return Optional[list.__class_getitem__(entry)]  # noqa: UP045  # made at run time
@@ -90,7 +90,7 @@ def _kind(declared: Declared) -> Any:
 
 
 def parser(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a reader whose complaint the parser takes for one about its option."""
+    """Return a reader whose ValueError the parser reports with the name of the option."""
 
     def parse(text: str) -> Any:
         try:

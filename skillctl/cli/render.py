@@ -59,7 +59,7 @@ def to_json(report: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON knows it: dataclasses as objects, arrays as lists, NaN and infinity as null."""
+    """Return a value in the types of JSON: dataclasses as objects, arrays as lists, NaN as null."""
     if isinstance(value, SkillctlError):
         return plain(describe(value))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

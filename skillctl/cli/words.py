@@ -53,7 +53,7 @@ def near(path: Path) -> str:
 
 
 def yes_no(value: bool | None) -> str:
-    """Return ``yes``, ``no``, or a dash for what nobody knows."""
+    """Return ``yes``, ``no``, or a dash for what is not known."""
     return NONE if value is None else ("yes" if value else "no")
 
 
@@ -63,7 +63,7 @@ def maker(command: str, tool: str) -> str:
 
 
 def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
-    """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
+    """Return what is proved, as facts; numbers are rounded to the side on which they stay true."""
     local = "" if certificate.scope == "global" else f" ({certificate.scope} proof)"
     facts = [("verdict", f"{certificate.verdict}{local}")]
     rate, period, frequency = rate_and_period(certificate.rate, certificate.period)
@@ -91,7 +91,7 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
 
 
 def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
-    """Return the errors on demonstrations left out, as facts; none if nobody asked for them."""
+    """Return the errors on demonstrations left out, as facts; none if they were not asked for."""
     if errors is None:
         return ()
     distances = f"DTW {length(errors.dtw, unit)} on average, {length(errors.worst_dtw, unit)} at worst"

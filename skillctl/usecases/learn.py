@@ -45,11 +45,11 @@ class LearnRequest(Request):
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """What learning told besides the skill.
+    """What learning returned besides the skill.
 
     Attributes:
         notes: What was noticed about the input, and warnings of the learner.
-        left_out: What was learned without one demonstration each, if anybody asked.
+        left_out: What was learned without one demonstration each, if asked for.
     """
 
     notes: tuple[str, ...] = ()
@@ -211,7 +211,7 @@ def _adapted(progress: Progress | None) -> Callable[[LearningProgress], None] | 
 
 
 def _told(step: LearningProgress) -> str:
-    """Return a stage in words: every start is one of its own, told with what it came to."""
+    """Return a stage in words; each start is a stage of its own, with the objective that it reached."""
     if step.stage != "starts":
         return step.stage
     return f"start {step.done} of {step.total}, objective {step.objective:.3g}"
