@@ -52,7 +52,6 @@ Example:
 Results go to standard output, everything else to standard error.
 Exit codes: {described()}."""
 
-
 COMMON = "Every command"
 PLACES = {"Arguments": 0, "Options": 2, COMMON: 3}  # of the sections of a help; others are between
 
@@ -105,18 +104,13 @@ class CommandGroup(Grouped, TyperGroup):
         """Import the module of the command that is called."""
         name = args[0]
         if name not in COMMANDS:
-            if ctx.resilient_parsing:  # completion of a word that is not there yet
-                return None, None, args[1:]
-            raise errors.UsageError(
-                f"No such command: {name}.",
-                hint=nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands.",
-            )
-        if ctx.obj is not None:
-            ctx.obj.command = f"skillctl {name}"
+            hint = nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands."
+            raise errors.UsageError(f"No such command: {name}.", hint=hint)
+        ctx.obj.command = f"skillctl {name}"
         return name, load_command(name), args[1:]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Answer a call without any command with the help."""
+        """Print the help for a call without any command."""
         if not args and not ctx.resilient_parsing:
             print(ctx.get_help(), file=sys.stderr)
             raise typer.Exit(ExitCode.USAGE)

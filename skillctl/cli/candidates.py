@@ -183,14 +183,10 @@ def _aliases(word: str, context: Any) -> Answer:
 
 # By what a value is called in the help, without [] and ….
 VALUES: dict[str, Callable[[str, Any], Answer]] = {
-    "SKILL": _skills,
-    "A": _skills,
-    "B": _skills,
+    **dict.fromkeys(("SKILL", "A", "B"), _skills),
     "NAME": _names,
     "ALIAS": _aliases,
     "OUTPUT": lambda word, context: Answer(tuple((name, "") for name in OUTPUTS)),
-    "DATA": lambda word, context: FILES,
-    "DEMO": lambda word, context: FILES,
-    "LINK": lambda word, context: NOTHING,
-    "ADDRESS": lambda word, context: NOTHING,
+    **dict.fromkeys(("DATA", "DEMO"), lambda word, context: FILES),
+    **dict.fromkeys(("LINK", "ADDRESS"), lambda word, context: NOTHING),
 }
