@@ -62,13 +62,18 @@ def inspect(
 
     With --json also every number, including the joint Gaussian mixture over positions and velocities.
     """
+    from skillctl.cli.page import require_page
+    from skillctl.plotting.formats import require_picture
     from skillctl.usecases.history import lineage as lineage_of
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
     if shown.lineage and shown.at is not None:
         raise UsageError("--lineage and --at exclude each other.", hint="Ask for one after the other.")
-    _require_places(shown)
+    if shown.plot is not None:
+        require_picture(shown.plot)
+    if shown.html is not None:
+        require_page(shown.html)
     if shown.plot is not None or shown.html is not None:
         drawn = inspect_skill(skill, store=place.store, lock=place.lock)
         _write_files(drawn, shown, lambda: lineage_of(skill, store=place.store, lock=place.lock))
@@ -78,18 +83,6 @@ def inspect(
         return
     report = inspect_skill(skill, store=place.store, lock=place.lock, position=shown.at)
     output.result(report, lambda: blocks(report, every=shown.demos))
-
-
-def _require_places(shown: Shown) -> None:
-    """Raise UsageError unless the files that are asked for can be written."""
-    if shown.plot is not None:
-        from skillctl.plotting.formats import require_picture
-
-        require_picture(shown.plot)
-    if shown.html is not None:
-        from skillctl.cli.page import require_page
-
-        require_page(shown.html)
 
 
 def _write_files(report: InspectReport, shown: Shown, lineage: Callable[[], LineageReport]) -> None:

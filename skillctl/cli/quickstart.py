@@ -59,5 +59,6 @@ def blocks(report: QuickstartReport) -> list[render.Block]:
     }
     where = f"Everything is in {report.directory}: demonstrations/, skills/"
     seen = "." if report.picture is None else f", and the picture {report.picture}."
-    following = f"Look around: cd {report.directory}, then skillctl ls, skillctl inspect shelf."
+    following = "skillctl ls, skillctl inspect shelf, skillctl simulate --help"
+    following = f"Look around: cd {report.directory}, then {following}."
     return [render.table(report.skills, columns), f"{where}{seen}", following]
