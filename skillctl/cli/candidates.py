@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from skillctl.cli.app import COMMANDS, group, load_command
+from skillctl.cli.parameters import was_typed
 from skillctl.cli.schema import OUTPUTS
 from skillctl.errors import SkillctlError, printable
 from skillctl.store import Registry, locate_store
@@ -112,15 +113,9 @@ def answer_to(words: Sequence[str]) -> Answer:
         known = [(item.value, (item.help or "").partition(". ")[0].rstrip(".")) for item in offered]
         return Answer(tuple(known)).starting_with("--")  # every option has a long name
     arguments = (each for each in command.params if each.param_type_name == "argument")
-    following = (each for each in arguments if each.nargs < 0 or not _given(each, context))
+    following = (each for each in arguments if each.nargs < 0 or not was_typed(context, each.name))
     argument = next(following, None)
     return NOTHING if argument is None else _value(argument, current, context)
-
-
-def _given(parameter: Any, context: Any) -> bool:
-    """Return whether a parameter was typed."""
-    source = context.get_parameter_source(parameter.name)
-    return source is not None and source.name == "COMMANDLINE"
 
 
 def _value(parameter: Any, word: str, context: Any) -> Answer:

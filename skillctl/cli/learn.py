@@ -13,6 +13,7 @@ from skillctl.cli.errors import describe
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.making import make
 from skillctl.cli.output import Output
+from skillctl.cli.parameters import was_typed
 from skillctl.demonstrations.formats import described
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
@@ -105,8 +106,7 @@ def _require_one_kind(context: Any, batch: Path | None) -> None:
         UsageError: One of them was given.
     """
     for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name)
-        if source is None or source.name != "COMMANDLINE":
+        if not was_typed(context, parameter.name):
             continue
         if batch is not None and parameter.param_type_name == "argument":
             raise UsageError("DATA and --batch exclude each other.", hint="The manifest names the files.")

@@ -12,10 +12,11 @@ import typer
 from skillctl.adapt.options import TASK, TaskOptions
 from skillctl.cli import options, render, words
 from skillctl.cli.making import files_of, make
+from skillctl.cli.parameters import was_typed
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
-from skillctl.options import changed
+from skillctl.options import options_of
 
 if TYPE_CHECKING:
     from skillctl.usecases.merge import MergeReport, TaskReport
@@ -55,7 +56,7 @@ def merge(
     from skillctl.store import parse_reference
     from skillctl.usecases.merge import merge as merge_skills
 
-    _require_task(skills, task, reading)
+    _require_task(context, skills, task)
     call = partial(
         merge_skills,
         skills or [],
@@ -73,13 +74,12 @@ def merge(
     make(context.obj, "merging", making, call, blocks, made_from)
 
 
-def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading) -> None:
+def _require_task(context: typer.Context, skills: list[str] | None, task: TaskOptions) -> None:
     """Raise UsageError for options that only mean something with --fit, or for no skill at all."""
-    if not task.demonstrations:
-        for option in (*changed(task), *changed(reading)):
-            raise UsageError(
-                f"--{option.key} is only used with --fit.", hint="Add --fit DEMO, a file with the new task."
-            )
+    for option in (*options_of(TaskOptions), *options_of(Reading)):
+        if not task.demonstrations and was_typed(context, option.field):
+            hint = "Add --fit DEMO, a file with the new task."
+            raise UsageError(f"--{option.key} is only used with --fit.", hint=hint)
     if not (skills or task.from_store):
         raise UsageError(
             "merge: no skill is named.", hint="Name two or more skills, or give --from-store and --fit DEMO."

@@ -89,6 +89,12 @@ def _kind(declared: Declared) -> Any:
     return declared.kind
 
 
+def was_typed(context: Any, name: str) -> bool:
+    """Return whether a parameter was given on the command line, even with its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
 def parser(read: Callable[[str], Any]) -> Callable[[str], Any]:
     """Return a reader whose ValueError the parser reports with the name of the option."""
 
