@@ -85,7 +85,7 @@ class LearnOptions:
     metric: Metric = option(
         "learned",
         group=LEARNING,
-        help="Distance in which the motion approaches the target: learned from the data, or Euclidean.",
+        help="Distance in which the motion approaches the target: learned from the data, or the plain one.",
     )
     n_components: int | Literal["auto"] | None = option(
         name="components",
