@@ -4,9 +4,8 @@
     class Reading:
         dt: float | None = option(None, metavar="S", help="Seconds between samples.")
 
-Everybody who needs to know the choices reads these fields: the command line makes its options of them, a
-manifest its keys, a skill its record of how it was made. Only the standard library is imported here, for
-``--help`` must not wait for anything heavier.
+The command line makes its options of these fields, a manifest its keys, and a skill its record of how it was
+made. Only the standard library is imported here, because ``--help`` must not wait for anything heavier.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Option:
 
     Attributes:
         help: What it does.
-        metavar: A word for its value, from which completion, too, knows what fits: ``F.png``.
+        metavar: A word for its value, as in ``F.png``; completion uses it, too.
         group: Heading under which the help shows it.
         name: Its long name if the field's own, with dashes, is another.
         short: Its short name: ``-o``.
@@ -111,7 +110,7 @@ def require_choices(values: Any) -> None:
     for each in options_of(kind):
         value = getattr(values, each.field)
         if each.choices and value not in (*each.choices, each.default):
-            raise UsageError(f"{each.key}: one of {', '.join(each.choices)}, not {value!r}.")
+            raise UsageError(f"{each.key}: must be one of {', '.join(each.choices)}, got {value!r}.")
 
 
 def literals(kind: Any) -> tuple[str, ...]:
@@ -119,11 +118,6 @@ def literals(kind: Any) -> tuple[str, ...]:
     if get_origin(kind) is Literal:
         return get_args(kind)
     return next(filter(None, map(literals, get_args(kind))), ())
-
-
-def is_optional(kind: Any) -> bool:
-    """Return whether a type allows None."""
-    return type(None) in get_args(kind)
 
 
 def read_numbers(text: str) -> tuple[float, ...]:

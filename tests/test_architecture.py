@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import skillctl
-from skillctl.cli.documents import OUTPUTS, schema_of_output
+from skillctl.cli.schema import OUTPUTS, schema_of_output
 
 PACKAGE = Path(skillctl.__file__).parent
 ROOT = PACKAGE.parent
@@ -150,7 +150,7 @@ def test_every_report_has_a_published_schema() -> None:
     extended = {ast.unparse(base) for node in classes for base in node.bases}  # printed as what extends them
     named = {node.name for node in classes} - extended
     published = {name for output in OUTPUTS for name in schema_of_output(output)["$defs"]}
-    assert named <= published, f"add {', '.join(sorted(named - published))} to cli/documents.py"
+    assert named <= published, f"add {', '.join(sorted(named - published))} to cli/schema.py"
 
 
 def words_of(path: Path) -> set[str]:

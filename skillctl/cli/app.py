@@ -12,8 +12,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from skillctl import errors
-from skillctl.cli.errors import forget_published, nearest_word
-from skillctl.cli.exit_codes import ExitCode, told
+from skillctl.cli.errors import nearest_word, publications
+from skillctl.cli.exit_codes import ExitCode, described
 from skillctl.cli.output import Output
 from skillctl.cli.parameters import expanded
 
@@ -50,88 +50,84 @@ Example:
   skillctl verify-stability reach
 
 Results go to standard output, everything else to standard error.
-Exit codes: {told()}."""
+Exit codes: {described()}."""
+
+COMMON = "Every command"
+PLACES = {"Arguments": 0, "Options": 2, COMMON: 3}  # of the sections of a help; others are between
 
 
-class Command(TyperCommand):
-    """A command that also has the options every command has, and whose help shows options in groups."""
+class Grouped:
+    """Adds the options that every command has, and shows options in groups."""
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
-        self.params.extend(common_options())
+        self.params: list[Any]
+        self.params.extend(common_options())  # `skillctl --json ls` as well as `skillctl ls --json`
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the parameters, one section a group."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):  # type: ignore[attr-defined]
+            if (record := parameter.get_help_record(ctx)) is not None:
+                kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
+        for title, records in sorted(sections.items(), key=lambda section: PLACES.get(section[0], 1)):
+            with formatter.section(title):
+                formatter.write_dl(records)
+
+
+class Command(Grouped, TyperCommand):
+    """A command."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line, required arguments without braces."""
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the help of the options."""
-        write_grouped(self.get_params(ctx), ctx, formatter)
 
-
-class CommandGroup(TyperGroup):
+class CommandGroup(Grouped, TyperGroup):
     """The group of all commands: lists them without importing them, and decides every exit code."""
 
-    def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, **keywords)
-        self.params.extend(common_options())  # `skillctl --json ls` as well as `skillctl ls --json`
-
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the help of the options and the list of commands."""
+        """Write the list of commands, then the help of the options."""
         self.format_commands(ctx, formatter)
-        write_grouped(self.get_params(ctx), ctx, formatter)
+        super().format_options(ctx, formatter)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the registry."""
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a stub that knows a command's name and help only."""
+        """Return a stub with a command's name and help only."""
         return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Import the module of the command that is called."""
         name = args[0]
         if name not in COMMANDS:
-            if ctx.resilient_parsing:  # completion of a word that is not there yet
-                return None, None, args[1:]
-            raise errors.UsageError(
-                f"No such command: {name}.",
-                hint=nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands.",
-            )
-        if ctx.obj is not None:
-            ctx.obj.command = f"skillctl {name}"
+            hint = nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands."
+            raise errors.UsageError(f"No such command: {name}.", hint=hint)
+        ctx.obj.command = f"skillctl {name}"
         return name, load_command(name), args[1:]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Answer a call without any command with the help."""
+        """Print the help for a call without any command."""
         if not args and not ctx.resilient_parsing:
             print(ctx.get_help(), file=sys.stderr)
             raise typer.Exit(ExitCode.USAGE)
         return super().parse_args(ctx, args)
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, args: Sequence[str] | None = None, *_: Any, **__: Any) -> Any:
         """Run one command and exit. (Typer's own would turn errors into boxes and exit 1.)"""
-        sys.exit(self._run(list(sys.argv[1:] if args is None else args)))
-
-    def _run(self, arguments: list[str]) -> int:
+        arguments = list(sys.argv[1:] if args is None else args)
         output, began = Output.for_arguments(arguments), time.monotonic()
-        forget_published()
+        publications().clear()
         try:
             status = self._outcome(arguments, output)
             output.flush()
         except (Exception, KeyboardInterrupt) as error:
-            return output.fail(error)
+            sys.exit(output.fail(error))
         output.detail(f"done in {time.monotonic() - began:.2f} s, exit code {int(status)}")
-        return status
+        sys.exit(status)
 
     def _outcome(self, arguments: list[str], output: Output) -> int:
         try:
@@ -142,23 +138,6 @@ class CommandGroup(TyperGroup):
         return ExitCode.DONE
 
 
-COMMON = "Every command"
-
-
-def write_grouped(parameters: Sequence[Any], context: Any, formatter: Any) -> None:
-    """Write the help of parameters, one section a group: arguments first, what every command has last."""
-    sections: dict[str, list[tuple[str, str]]] = {}
-    for parameter in parameters:
-        record = parameter.get_help_record(context)
-        if record is not None:
-            kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
-            sections.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
-    place = {"Arguments": 0, "Options": 2, COMMON: 3}
-    for title, records in sorted(sections.items(), key=lambda section: place.get(section[0], 1)):
-        with formatter.section(title):
-            formatter.write_dl(records)
-
-
 def common_options() -> list[TyperOption]:
     """Return the options that every command has; they set fields of the run's `Output`."""
     described = {
@@ -167,50 +146,35 @@ def common_options() -> list[TyperOption]:
         ("verbose", "-v", "--verbose"): "Say more about what is being done.",
         ("debug", "--debug"): "Show tracebacks.",
     }
-    return [
-        TyperOption(
-            param_decls=list(names),
-            is_flag=True,
-            default=False,
-            expose_value=False,
-            callback=_set_on_output,
-            help=text,
-            rich_help_panel=COMMON,
-        )
-        for names, text in described.items()
-    ]
+    flag: dict[str, Any] = {"is_flag": True, "default": False, "expose_value": False}
+    flag |= {"callback": _set_on_output, "rich_help_panel": COMMON}
+    return [TyperOption(param_decls=list(names), help=text, **flag) for names, text in described.items()]
 
 
-def _set_on_output(context: Any, parameter: Any, value: bool) -> bool:
+def _set_on_output(context: Any, parameter: Any, value: bool) -> None:
     if value:
         setattr(context.find_root().obj, parameter.name, True)
-    return value
 
 
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it declares."""
-    module_name = name.replace("-", "_")
-    module = import_module(f"skillctl.cli.{module_name}")
+    function = name.replace("-", "_")
+    module = import_module(f"skillctl.cli.{function}")
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
-    single.command(
-        name,
-        cls=Command,
-        short_help=COMMANDS[name],
-        epilog=module.EXAMPLES,
-        context_settings=CONTEXT_SETTINGS,
-    )(expanded(getattr(module, module_name)))
+    described = {"short_help": COMMANDS[name], "epilog": module.EXAMPLES}
+    decorate = single.command(name, cls=Command, context_settings=CONTEXT_SETTINGS, **described)
+    decorate(expanded(getattr(module, function)))
     return typer.main.get_command(single)
 
 
-def app_options() -> list[Any]:
-    """Return the options that stand before the command."""
-    group: Any = typer.main.get_command(app)
-    return list(group.params)
+def group() -> Any:
+    """Return the group of all commands."""
+    return typer.main.get_command(app)
 
 
 app = typer.Typer(
     cls=CommandGroup,
-    add_completion=False,  # ours also knows skills; see `skillctl completion`
+    add_completion=False,  # ours completes skills, too; see `skillctl completion`
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings=CONTEXT_SETTINGS,

@@ -40,27 +40,17 @@ def combine(
     from skillctl.usecases.combine import combine as combine_skills
 
     call = partial(
-        combine_skills,
-        skills,
-        store=place.store,
-        lock=place.lock,
-        options=combining,
-        refit=not no_refit,
+        combine_skills, skills, store=place.store, lock=place.lock, options=combining, refit=not no_refit
     )
     output: Output = context.obj
-    report = make(output, "combining", making, call, lambda report: files_of(report.parts, place))
-    for sentence in report.not_guaranteed:
-        output.note(f"warning: not guaranteed: {sentence}")
-    for sentence in _displaced(report):
+    report = make(output, "combining", making, call, blocks, lambda report: files_of(report.parts, place))
+    guaranteed = [f"not guaranteed: {sentence}" for sentence in report.not_guaranteed]
+    for sentence in (*guaranteed, *_displaced(report)):
         output.note(f"warning: {sentence}")
-    output.result(report, lambda: blocks(report))
 
 
 def blocks(report: CombineReport) -> list[render.Block]:
     """Return the report for people."""
-    if report.status == "up to date":
-        return [words.up_to_date(report.written.skill, "skills")]
-    headings, coverage = _coverage(report)
     ends = report.attractors[:1] if report.aligned else report.attractors
     facts = (
         *words.written(report.written),
@@ -69,12 +59,12 @@ def blocks(report: CombineReport) -> list[render.Block]:
         ("selects again after", words.length(report.disturbance_distance, report.unit)),
         *words.proof(report.certificate),
     )
-    again = [words.refits(report.refits, report.unit)] if report.refits else []
-    return [words.parts(report.parts, "prior"), *again, render.Table(headings, coverage), render.Facts(facts)]
+    again = words.refits(report.refits, report.unit)
+    return [words.parts(report.parts, "prior"), *again, _coverage(report), render.Facts(facts)]
 
 
 def _displaced(report: CombineReport) -> list[str]:
-    """Return a sentence for each part that seldom acts where it was taught: a proof does not see that."""
+    """Return a sentence for each part that seldom acts where it was taught: a proof does not show that."""
     untried = report.status == "combined" and report.coverage_before is None
     advice = "; --calibrate chooses priors that give it more" if untried else ""
     return [
@@ -85,14 +75,15 @@ def _displaced(report: CombineReport) -> list[str]:
     ]
 
 
-def _coverage(report: CombineReport) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Return headings and rows: what each part keeps, and kept before calibration."""
-    headings = ("part", "demonstrations", "start selects it", "and ends at its target")
-    rows = [
-        (str(part.part), str(part.demonstrations), f"{part.selected:.0%}", f"{part.kept:.0%}")
-        for part in report.coverage
-    ]
-    if report.coverage_before is None:
-        return headings, tuple(rows)
-    before = [f"{part.kept:.0%}" for part in report.coverage_before]
-    return (*headings, "with equal priors"), tuple((*row, b) for row, b in zip(rows, before, strict=True))
+def _coverage(report: CombineReport) -> render.Table:
+    """Return what each part keeps of its demonstrations, and kept before calibration."""
+    columns = {
+        "part": lambda part: part.part,
+        "demonstrations": lambda part: part.demonstrations,
+        "start selects it": lambda part: words.percent(part.selected),
+        "and ends at its target": lambda part: words.percent(part.kept),
+    }
+    if report.coverage_before is not None:
+        before = {part.part: words.percent(part.kept) for part in report.coverage_before}
+        columns["with equal priors"] = lambda part: before[part.part]
+    return render.table(report.coverage, columns)

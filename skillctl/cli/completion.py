@@ -50,58 +50,42 @@ def completion(
 ) -> None:
     """Complete commands, options, skills and files with the TAB key.
 
-    Prints the script that teaches it to a shell. With --install, the script is written into your data folder
-    and one line that reads it is added to ~/.bashrc or ~/.zshrc; fish finds it by itself.
+    The script that a shell needs for this is printed. With --install, it is written into your data folder and
+    one line that reads it is added to ~/.bashrc or ~/.zshrc; fish finds it by itself.
     """
     output: Output = context.obj
     shell = shell or _login_shell()
-    report = CompletionReport(shell, script_of(shell))
-    if install:
-        report = installed(report)
-        output.result(report, lambda: blocks(report))
-    elif output.as_json:
-        output.result(report, list)
-    else:
-        output.verbatim(report.script)
+    script = (Path(__file__).parent / "shells" / f"skillctl.{shell}").read_text(encoding="utf-8")
+    report = CompletionReport(shell, script, *(_installed(shell, script) if install else ()))
+    if not (install or output.as_json):
+        output.verbatim(script)
+        return
+    places = (("script", report.path), ("read by", report.startup))
+    facts = [("shell", shell), *((name, words.near(path)) for name, path in places if path)]
+    hint = "Open a new shell, type skillctl and a space, and press TAB twice."
+    output.result(report, lambda: [render.Facts(tuple(facts)), hint])
 
 
-def script_of(shell: Shell) -> str:
-    """Return the script for a shell."""
-    return (Path(__file__).parent / "shells" / f"skillctl.{shell}").read_text(encoding="utf-8")
-
-
-def installed(report: CompletionReport) -> CompletionReport:
-    """Write the script where the shell finds it, and return the report with these places.
-
-    Raises:
-        StoreError: A file cannot be written.
-    """
+def _installed(shell: Shell, script: str) -> tuple[Path, Path | None]:
+    """Write the script where the shell finds it, and return that file and the one that reads it."""
     from skillctl.store import write_file
 
     home = Path.home()
-    if report.shell == "fish":
+    if shell == "fish":
         folder = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config") / "fish" / "completions"
     else:
         folder = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share") / "skillctl"
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"skillctl.{report.shell}"
-    write_file(path, report.script.encode())
-    if report.shell == "fish":
-        return CompletionReport(report.shell, report.script, path)
+    write_file(path := folder / f"skillctl.{shell}", script.encode())
+    if shell == "fish":
+        return path, None
     zsh_home = Path(os.environ.get("ZDOTDIR") or home)
-    startup = zsh_home / ".zshrc" if report.shell == "zsh" else home / ".bashrc"
+    startup = zsh_home / ".zshrc" if shell == "zsh" else home / ".bashrc"
     line = f"[ -r '{path}' ] && . '{path}'  # completion of skillctl\n"
     if not startup.exists() or line not in startup.read_text(encoding="utf-8", errors="replace"):
         with startup.open("a", encoding="utf-8") as file:  # in place: it may be a link to where it is kept
             file.write(line)
-    return CompletionReport(report.shell, report.script, path, startup)
-
-
-def blocks(report: CompletionReport) -> list[render.Block]:
-    """Return the report on an installation for people."""
-    places = (("script", report.path), ("read by", report.startup))
-    facts = [("shell", report.shell), *((name, words.near(path)) for name, path in places if path)]
-    return [render.Facts(tuple(facts)), "Open a new shell, type skillctl and a space, and press TAB twice."]
+    return path, startup
 
 
 def _login_shell() -> Shell:

@@ -34,9 +34,11 @@ def diff(
         bool, typer.Option("--exit-code", help="Exit 1 if they behave differently.")
     ] = False,
     atol: Annotated[
-        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by X, and besides")
+        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by this much.")
     ] = 1e-9,
-    rtol: Annotated[float, typer.Option(metavar="X", help="by this share of what they are in A.")] = 1e-9,
+    rtol: Annotated[
+        float, typer.Option(metavar="X", help="They may also differ by this share of their value in A.")
+    ] = 1e-9,
     *,
     place: options.LockedPlace,
 ) -> None:
@@ -60,35 +62,33 @@ def blocks(report: DiffReport) -> list[render.Block]:
     sides = tuple((letter, f"{side.skill}  {words.short(side.digest)}") for letter, side in named)
     if report.identical:
         return [render.Facts((*sides, ("result", "identical")))]
-    told = [change for change in report.metadata if not change.field.startswith(REPORTS)]
-    changes = tuple((change.field, _shown(change.a), _shown(change.b)) for change in told)
-    if left := len(report.metadata) - len(told):
-        changes += (("training errors", f"{left} differ; --json has them", words.NONE),)
+    shown = [change for change in report.metadata if not change.field.startswith(REPORTS)]
+    changes = [(change.field, _shown(change.a), _shown(change.b)) for change in shown]
+    if left := len(report.metadata) - len(shown):
+        changes.append(("training errors", f"{left} differ; --json has them", words.NONE))
     result = "they behave differently" if report.differs else "they behave the same"
     return [
         render.Facts(sides),
-        render.Table(("metadata", "a", "b"), changes),
-        *_numbers(report),
-        render.Facts((*_motion(report), *_proofs(report), ("result", result))),
+        render.Table(("metadata", "a", "b"), tuple(changes)),
+        _numbers(report),
+        render.Facts((*_motion(report), ("proved", _proofs(report)), ("result", result))),
     ]
 
 
-def _numbers(report: DiffReport) -> list[render.Block]:
+def _numbers(report: DiffReport) -> render.Block:
     if report.leaves is None:
-        return ["Not made of equally many leaves in one space: their numbers are not compared."]
-    headings = ("leaf", "unmatched", "attractor", "priors", "means", "covariances", "matrices", "Lyapunov")
-    rows = tuple(
-        (
-            str(leaf.leaf),
-            str(leaf.unmatched),
-            words.length(leaf.attractor, report.unit),
-            words.number(leaf.priors),
-            words.length(leaf.means, report.unit),
-            *(f"{share:.2%}" for share in (leaf.covariances, leaf.system_matrices, leaf.lyapunov)),
-        )
-        for leaf in report.leaves
-    )
-    return [render.Table(headings, rows)]
+        return "Not made of equally many leaves in one space: their numbers are not compared."
+    columns = {
+        "leaf": lambda leaf: leaf.leaf,
+        "unmatched": lambda leaf: leaf.unmatched,
+        "attractor": lambda leaf: words.length(leaf.attractor, report.unit),
+        "priors": lambda leaf: words.number(leaf.priors),
+        "means": lambda leaf: words.length(leaf.means, report.unit),
+        "covariances": lambda leaf: f"{leaf.covariances:.2%}",
+        "matrices": lambda leaf: f"{leaf.system_matrices:.2%}",
+        "Lyapunov": lambda leaf: f"{leaf.lyapunov:.2%}",
+    }
+    return render.table(report.leaves, columns)
 
 
 def _motion(report: DiffReport) -> list[tuple[str, str]]:
@@ -110,12 +110,12 @@ def _field(difference: FieldDifference | None, unit: str) -> str:
     return f"{greatest} apart at most, of {speed} ({difference.points} points)"
 
 
-def _proofs(report: DiffReport) -> list[tuple[str, str]]:
+def _proofs(report: DiffReport) -> str:
     said = []
     for certificate in report.certificates:
         rate, period, _ = words.rate_and_period(certificate.rate, certificate.period)
         said.append(f"{certificate.verdict}, {certificate.scope}, rate {rate}, period {period}")
-    return [("proved", said[0] if said[0] == said[1] else f"a: {said[0]}; b: {said[1]}")]
+    return said[0] if said[0] == said[1] else f"a: {said[0]}; b: {said[1]}"
 
 
 def _shown(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""The exit codes of the program: what each means, and which errors lead to it."""
+"""The exit codes of the program, their meanings, and the errors that lead to each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class ExitCode(IntEnum):
 
     Attributes:
         meaning: In the words of the help.
-        causes: Errors that lead to it; of one that is several, its nearest class decides.
+        causes: Errors that lead to it; the nearest class of an error decides.
     """
 
     meaning: str
@@ -45,6 +45,6 @@ class ExitCode(IntEnum):
         return next((codes[kind] for kind in type(error).__mro__ if kind in codes), cls.INTERNAL)
 
 
-def told() -> str:
-    """Return the codes of what may happen, in words."""
+def described() -> str:
+    """Return the codes with their meanings, in words."""
     return ", ".join(f"{code:d} {code.meaning}" for code in ExitCode if code <= ExitCode.INTERNAL)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from skillctl.cli import options, render, words
 from skillctl.cli.output import Output
-from skillctl.cli.parameters import parser
 from skillctl.errors import UsageError
-from skillctl.options import RESULT, read_numbers
+from skillctl.options import RESULT, option, read_numbers
 
 if TYPE_CHECKING:
-    from skillctl.evaluate.place import Place
+    from skillctl.evaluate.place import Place, Region
     from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node
 
@@ -32,192 +32,170 @@ Example:
 MANY = 30  # demonstrations beyond which only --demos shows each
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What is shown of a skill, and where."""
+
+    lineage: bool = option(
+        False, help="Show instead what it was made from, and whether each of these skills is present."
+    )
+    at: tuple[float, ...] | None = option(
+        read=read_numbers,
+        metavar="X,Y,Z",
+        help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
+    )
+    demos: bool = option(False, help="Show each demonstration, of a skill with many, too.")
+    plot: Path | None = option(
+        metavar="F.png|svg|pdf", group=RESULT, help="Draw it: field, demonstrations, motions, regions."
+    )
+    html: Path | None = option(
+        metavar="F.html",
+        group=RESULT,
+        help="Write all of it as one page: tables, pictures, proof, lineage. It needs no network.",
+    )
+
+
 def inspect(
-    context: typer.Context,
-    skill: options.Skill,
-    lineage: Annotated[
-        bool, typer.Option("--lineage", help="Show instead what it was made from, and whether that is there.")
-    ] = False,
-    at: Annotated[
-        Any,
-        typer.Option(
-            parser=parser(read_numbers),
-            metavar="X,Y,Z",
-            help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
-        ),
-    ] = None,
-    demos: Annotated[
-        bool, typer.Option("--demos", help="Show each demonstration of a skill with many, too.")
-    ] = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F.png|svg|pdf",
-            help="Draw it: field, demonstrations, motions, regions.",
-            rich_help_panel=RESULT,
-        ),
-    ] = None,
-    html: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F.html",
-            help="Write all of it as one page: tables, pictures, proof, lineage. It needs no network.",
-            rich_help_panel=RESULT,
-        ),
-    ] = None,
-    *,
-    place: options.LockedPlace,
+    context: typer.Context, skill: options.Skill, *, shown: Shown, place: options.LockedPlace
 ) -> None:
     """Show what is in a skill: parts, target, what is proved, training errors, where it comes from.
 
     With --json also every number, including the joint Gaussian mixture over positions and velocities.
     """
+    from skillctl.cli.page import require_page
+    from skillctl.plotting.formats import require_picture
     from skillctl.usecases.history import lineage as lineage_of
     from skillctl.usecases.inspect import inspect as inspect_skill
 
     output: Output = context.obj
-    if lineage and at is not None:
+    if shown.lineage and shown.at is not None:
         raise UsageError("--lineage and --at exclude each other.", hint="Ask for one after the other.")
-    _require_places(plot, html)
-    if plot is not None or html is not None:
+    if shown.plot is not None:
+        require_picture(shown.plot)
+    if shown.html is not None:
+        require_page(shown.html)
+    if shown.plot is not None or shown.html is not None:
         drawn = inspect_skill(skill, store=place.store, lock=place.lock)
-        _write_files(drawn, plot, html, lambda: lineage_of(skill, store=place.store, lock=place.lock))
-    if lineage:
+        _write_files(drawn, shown, lambda: lineage_of(skill, store=place.store, lock=place.lock))
+    if shown.lineage:
         tree = lineage_of(skill, store=place.store, lock=place.lock)
         output.result(tree, lambda: [ancestry(tree)])
         return
-    report = inspect_skill(skill, store=place.store, lock=place.lock, position=at)
-    output.result(report, lambda: blocks(report, every=demos))
+    report = inspect_skill(skill, store=place.store, lock=place.lock, position=shown.at)
+    output.result(report, lambda: blocks(report, every=shown.demos))
 
 
-def _require_places(plot: Path | None, html: Path | None) -> None:
-    """Raise UsageError unless the files that are asked for can be written."""
-    if plot is not None:
-        from skillctl.plotting.formats import require_picture
-
-        require_picture(plot)
-    if html is not None:
-        from skillctl.cli.page import require_page
-
-        require_page(html)
-
-
-def _write_files(
-    report: InspectReport, plot: Path | None, html: Path | None, lineage: Callable[[], LineageReport]
-) -> None:
+def _write_files(report: InspectReport, shown: Shown, lineage: Callable[[], LineageReport]) -> None:
     """Write the picture and the page of a skill."""
     from skillctl.cli.page import page
     from skillctl.store import write_file
     from skillctl.usecases.pictures import picture_skill, pictures_of, reopened
 
     artifact = reopened(report.path, report.digest)
-    if plot is not None:
-        picture_skill(report.skill, artifact, plot)
-    if html is not None:
+    if shown.plot is not None:
+        picture_skill(report.skill, artifact, shown.plot)
+    if shown.html is not None:
         tree, pictures = lineage(), pictures_of(report.skill, artifact, report.certificate)
         written = page(report, blocks(report, for_page=True), (tree, ancestry(tree)), pictures)
-        write_file(html, written.encode())
+        write_file(shown.html, written.encode())
 
 
 def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False) -> list[render.Block]:
     """Return the report for people; for a page, which travels, without the place of the file."""
     from skillctl.evaluate.errors import HeldOut
 
-    space, certificate = report.space, report.certificate
+    space, unit, results = report.space, report.space.unit, report.operation.results
     facts = (
         ("skill", report.skill),
         *(() if for_page else (("file", words.near(report.path)),)),
         ("digest", report.digest),
         ("kind", " ".join([report.kind, *_how(report.tree)])),
-        ("space", f"{', '.join(space.names)} in {space.unit}, frame {space.frame}"),
-        *words.proof(certificate),
-        *words.stages(report.operation.results),
-        *words.held_out(HeldOut.recorded(report.operation.results), space.unit),
+        ("space", f"{', '.join(space.names)} in {unit}, frame {space.frame}"),
+        *words.proof(report.certificate),
+        *words.stages(results.get("stages", ())),
+        *words.held_out(HeldOut.recorded(results), unit),
     )
-    rows = tuple(
-        (
-            str(leaf.part),
-            str(leaf.leaf),
-            str(leaf.n_components),
-            words.point(leaf.attractor.tolist(), space.unit),
-            f"{leaf.speed:g}",
-            str(leaf.demonstrations),
+    found: list[render.Block] = [render.Facts(facts)]
+    if report.at is not None:
+        found.append(_place(report.at, unit))
+    leaves = {
+        "part": lambda leaf: leaf.part,
+        "leaf": lambda leaf: leaf.leaf,
+        "components": lambda leaf: leaf.n_components,
+        "attractor": lambda leaf: words.point(leaf.attractor.tolist(), unit),
+        "speed": lambda leaf: f"{leaf.speed:g}",
+        "demonstrations": lambda leaf: leaf.demonstrations,
+    }
+    found.append(render.table(report.leaves, leaves))
+    if report.regions:
+        found.append(_regions(report.regions, unit))
+    if report.reports:
+        each = every or for_page or (len(report.leaves) == 1 and len(report.reports) <= MANY)
+        several = len(report.leaves) > 1
+        found.append(
+            words.demonstrations(report.reports, unit, with_leaf=several) if each else _errors(report)
         )
-        for leaf in report.leaves
-    )
-    leaves = render.Table(("part", "leaf", "components", "attractor", "speed", "demonstrations"), rows)
-    all_of_them = every or for_page or (len(report.leaves) == 1 and len(report.reports) <= MANY)
-    errors = (
-        words.demonstrations(report.reports, space.unit, with_leaf=len(report.leaves) > 1)
-        if all_of_them
-        else _errors(report)
-    )
-    place = [_place(report.at, space.unit)] if report.at is not None else []
-    regions = [_regions(report)] if report.regions else []
-    tables = [leaves, *regions, *([errors] if report.reports else [])]
-    return [render.Facts(facts), *place, *tables, _origin(report)]
+    return [*found, _origin(report)]
 
 
 def _errors(report: InspectReport) -> render.Table:
     """Return how well each leaf repeats its demonstrations, a row a leaf."""
-    unit, rows = report.space.unit, []
-    for leaf in report.leaves:
-        of_leaf = [one for one in report.reports if one.leaf + 1 == leaf.leaf]
-        if of_leaf:
-            velocity = words.per_second(median(one.velocity_rmse or 0.0 for one in of_leaf), unit)
-            distances = [one.dtw or 0.0 for one in of_leaf]
-            spread = words.length(median(distances), unit), words.length(max(distances), unit)
-            arrive = f"{sum(bool(one.arrived) for one in of_leaf)} of {len(of_leaf)}"
-            rows.append((str(leaf.leaf), velocity, *spread, arrive))
-    return render.Table(("leaf", "median velocity RMSE", "median DTW", "worst DTW", "arrive"), tuple(rows))
+    unit, reports = report.space.unit, report.reports
+    taught = sorted({one.leaf for one in reports})
+    columns = {
+        "leaf": lambda of_leaf: of_leaf[0].leaf + 1,
+        "median velocity RMSE": lambda of_leaf: words.per_second(
+            median(one.velocity_rmse or 0.0 for one in of_leaf), unit
+        ),
+        "median DTW": lambda of_leaf: words.length(median(one.dtw or 0.0 for one in of_leaf), unit),
+        "worst DTW": lambda of_leaf: words.length(max(one.dtw or 0.0 for one in of_leaf), unit),
+        "arrive": lambda of_leaf: f"{sum(bool(one.arrived) for one in of_leaf)} of {len(of_leaf)}",
+    }
+    return render.table([[one for one in reports if one.leaf == leaf] for leaf in taught], columns)
 
 
 def _place(place: Place, unit: str) -> render.Facts:
     """Return what the skill does at one place."""
     acting = "all parts" if len(place.weights) > 1 else "the skill"
-    shares = ", ".join(f"{weight:.3g}" for weight in place.weights)
     verb, when = ("arrives", "after") if place.arrives else ("has not arrived", "within")
     return render.Facts(
         (
             ("at", words.point(place.position, unit)),
             ("acts", acting if place.part is None else f"part {place.part}"),
-            ("weights", shares),
+            ("weights", _listed(place.weights)),
             ("velocity", f"{words.point(place.velocity)} {unit}/s"),
             ("motion", f"{verb} {when} {place.time:.3g} s, at {words.point(place.end, unit)}"),
         )
     )
 
 
-def _regions(report: InspectReport) -> render.Table:
+def _regions(regions: Sequence[Region], unit: str) -> render.Table:
     """Return the regions of influence of a combined skill's parts."""
-    rows = tuple(
-        (
-            str(region.part),
-            f"{region.prior:.3g}",
-            words.point(region.attractor, report.space.unit),
-            words.NONE if region.selected is None else f"{region.selected:.0%}",
-            words.length(region.radius, report.space.unit),
-        )
-        for region in report.regions
-    )
-    return render.Table(("region", "prior", "ends at", "own starts in it", "proved radius"), rows)
+    columns = {
+        "region": lambda region: region.part,
+        "prior": lambda region: f"{region.prior:.3g}",
+        "ends at": lambda region: words.point(region.attractor, unit),
+        "own starts in it": lambda region: words.percent(region.selected),
+        "proved radius": lambda region: words.length(region.radius, unit),
+    }
+    return render.table(regions, columns)
 
 
-def ancestry(report: LineageReport) -> render.Block:
+def ancestry(report: LineageReport) -> render.Table:
     """Return what a skill was made from, as an indented list."""
-    rows = tuple(_ancestors(report.lineage, 0))
-    return render.Table(("skill", "role", "there", "made by", "digest", "note"), rows)
+    columns = {
+        "skill": lambda found: f"{'  ' * found[0]}{found[1].skill}",
+        "role": lambda found: found[1].role,
+        "there": lambda found: found[1].presence,
+        "made by": lambda found: found[1].command or words.NONE,
+        "digest": lambda found: words.short(found[1].digest),
+        "note": lambda found: found[1].note or words.NONE,
+    }
+    return render.table(_ancestors(report.lineage, 0), columns)
 
 
-def _ancestors(ancestor: Ancestor, depth: int) -> Iterator[tuple[str, ...]]:
-    yield (
-        f"{'  ' * depth}{ancestor.skill}",
-        ancestor.role,
-        ancestor.presence,
-        ancestor.command or words.NONE,
-        words.short(ancestor.digest),
-        ancestor.note or words.NONE,
-    )
+def _ancestors(ancestor: Ancestor, depth: int) -> Iterator[tuple[int, Ancestor]]:
+    yield depth, ancestor
     for parent in ancestor.parents:
         yield from _ancestors(parent, depth + 1)
 
@@ -226,12 +204,16 @@ def _how(node: Node) -> list[str]:
     """Return how the parts of a skill act together."""
     if node.gate is None:
         return []
-    shares = ", ".join(f"{part.share:.3g}" for part in node.parts)
-    gate = words.gate(node.gate, node.parameters)
-    return [f"({gate}; shares {shares}; speed {node.speed:g})"]
+    shares = _listed([part.share for part in node.parts])
+    return [f"({words.gate(node.gate, node.parameters)}; shares {shares}; speed {node.speed:g})"]
+
+
+def _listed(shares: Sequence[float]) -> str:
+    return ", ".join(f"{share:.3g}" for share in shares)
 
 
 def _origin(report: InspectReport) -> render.Facts:
+    """Return what made a skill, and from what."""
     provenance = report.provenance
     items = [("made by", words.maker(report.operation.command, provenance.tool))]
     items += [(parent.role, f"{parent.shown}  {words.short(parent.digest)}") for parent in provenance.parents]

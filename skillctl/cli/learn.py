@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skillctl.cli import learn_batch, options, render, words
+from skillctl.cli import options, render, words
+from skillctl.cli.errors import describe
+from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.making import make
 from skillctl.cli.output import Output
+from skillctl.cli.parameters import was_typed
 from skillctl.demonstrations.formats import described
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
@@ -19,6 +22,7 @@ from skillctl.usecases.options import Validation
 
 if TYPE_CHECKING:
     from skillctl.usecases.learn import LearnReport
+    from skillctl.usecases.learn_many import LearnManyReport, SkillOutcome
 
 EXAMPLES = """\b
 Example:
@@ -29,15 +33,15 @@ Example:
   skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean
   skillctl learn --batch manifest.toml --jobs 4"""
 
+# What is said once for all skills; all other options of `learn` stand in the manifest.
+FOR_ALL = {"batch", "store", "force", "explain", "jobs", "backend", "scheduler"}
+WORK = {"jobs", "backend", "scheduler"}
+
 
 def learn(
     context: typer.Context,
     data: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DATA...",
-            help=f"Files with demonstrations: {described()}.",
-        ),
+        list[str] | None, typer.Argument(metavar="DATA...", help=f"Files with demonstrations: {described()}.")
     ] = None,
     *,
     making: options.Making,
@@ -63,9 +67,9 @@ def learn(
     from skillctl.usecases.learn import learn as learn_skill
 
     output: Output = context.obj
-    learn_batch.require_one_kind(context, batch)
+    _require_one_kind(context, batch)
     if batch is not None:
-        raise typer.Exit(learn_batch.learn_batch(output, batch, making, place, work))
+        raise typer.Exit(_learn_batch(output, batch, making, place, work))
     if not data:
         raise UsageError(
             "no demonstrations are given.", hint="Name their files, or list many with --batch F.toml."
@@ -79,21 +83,76 @@ def learn(
         reading=reading,
         validated=validation.validate,
     )
-    report = make(output, "learning", making, call, lambda report: paths)
-    output.result(report, lambda: blocks(report))
+    make(output, "learning", making, call, blocks, lambda report: paths)
 
 
 def blocks(report: LearnReport) -> list[render.Block]:
     """Return the report for people."""
-    if report.status == "up to date":
-        return [words.up_to_date(report.written.skill, "files")]
-    facts = render.Facts(
-        (
-            *words.written(report.written),
-            ("components", str(report.n_components)),
-            ("attractor", words.point(report.attractor, report.unit)),
-            *words.proof(report.certificate),
-            *words.held_out(report.held_out, report.unit),
-        )
+    facts = (
+        *words.written(report.written),
+        ("components", str(report.n_components)),
+        ("attractor", words.point(report.attractor, report.unit)),
+        *words.proof(report.certificate),
+        *words.stages(report.stages),
+        *words.held_out(report.held_out, report.unit),
     )
-    return [words.demonstrations(report.demonstrations, report.unit), facts]
+    return [words.demonstrations(report.demonstrations, report.unit), render.Facts(facts)]
+
+
+def _require_one_kind(context: Any, batch: Path | None) -> None:
+    """Refuse options that are about one skill where many are to be learned, and the other way round.
+
+    Raises:
+        UsageError: One of them was given.
+    """
+    for parameter in context.command.params:
+        if not was_typed(context, parameter.name):
+            continue
+        if batch is not None and parameter.param_type_name == "argument":
+            raise UsageError("DATA and --batch exclude each other.", hint="The manifest names the files.")
+        if batch is not None and parameter.expose_value and parameter.name not in FOR_ALL:
+            raise UsageError(
+                f"{parameter.opts[0]} is about one skill; --batch learns many.",
+                hint="Say it in the manifest: for one in its [[skills]], for all in [options].",
+            )
+        if batch is None and parameter.name in WORK:
+            raise UsageError(f"{parameter.opts[0]} is about many skills.", hint="List them: --batch F.toml.")
+
+
+def _learn_batch(
+    output: Output, manifest: Path, making: options.Making, place: options.Place, work: options.Work
+) -> ExitCode:
+    """Learn the skills of a manifest, report them, and return the exit code: the largest of all."""
+    from skillctl.usecases.learn_many import learn_many
+
+    with output.progress("learning") as progress:
+        report = learn_many(
+            manifest, store=place.store, force=making.force, workers=work.workers(), progress=progress
+        )
+    for each in report.skills:
+        if (made := each.report) is not None:
+            named = [f"{each.skill}: {note}" for note in made.notes]
+            reasons = [f"{each.skill}: {reason}" for reason in made.reasons if making.explain]
+            words.explain(output, named, reasons)
+    output.result(report, lambda: [_table(report)])
+    failures = [describe(each.error) for each in report.skills if each.error is not None]
+    output.failures(failures, len(report.skills), "learned")
+    return max((failure.code for failure in failures), default=ExitCode.DONE)
+
+
+def _table(report: LearnManyReport) -> render.Table:
+    """Return the report on many skills for people."""
+    headings = ("skill", "outcome", "components", "DTW", "rate", "controller ≥", "digest")
+    return render.Table(headings, tuple(map(_row, report.skills)))
+
+
+def _row(outcome: SkillOutcome) -> tuple[str, ...]:
+    from skillctl.evaluate.errors import mean_dtw  # late: it imports NumPy
+
+    report = outcome.report
+    if report is None:
+        return (outcome.skill, outcome.outcome, *[words.NONE] * 5)
+    rate, _, frequency = words.rate_and_period(report.certificate.rate, report.certificate.period)
+    distance, skill = words.length(mean_dtw(report.demonstrations), report.unit), report.written
+    learned = (str(report.n_components), distance, rate, frequency)
+    return (skill.skill, outcome.outcome, *learned, words.short(skill.digest))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from skillctl.cli import words
+from skillctl.cli import render, words
 from skillctl.cli.options import LockedPlace, Making
 from skillctl.cli.output import Output
-
-if TYPE_CHECKING:
-    from skillctl.progress import Progress
 
 
 def make(
@@ -19,15 +16,17 @@ def make(
     label: str,
     making: Making,
     call: Callable[..., Any],
+    blocks: Callable[[Any], Sequence[render.Block]],
     made_from: Callable[[Any], Iterable[Path]],
 ) -> Any:
-    """Make a skill, leave its file as a build tool wants it, and return the report.
+    """Make a skill, leave its file as a build tool wants it, show the report and return it.
 
     Args:
-        output: Where progress and notes are shown.
+        output: Where progress, notes and the report are shown.
         label: What is being done.
         making: Where the skill goes, and when it is made again.
         call: Makes it, given the keywords that all use-cases that make skills take.
+        blocks: Describes the report on a skill that was made.
         made_from: Files that a depfile names, by the report.
 
     Raises:
@@ -35,29 +34,17 @@ def make(
     """
     from skillctl.usecases.target import finish_target, require_target
 
-    require_target(making.output, making.depfile, making.if_changed)
+    file, depfile, if_changed = making.output, making.depfile, making.if_changed
+    require_target(file, depfile, if_changed)
+    asked = {"name": making.name, "note": making.message, "plot": making.plot, "force": making.force}
     with output.progress(label) as progress:
-        report = call(**_keywords(making, progress))
-    finish_target(
-        making.output,
-        made_from(report),
-        created=report.written.created,
-        depfile=making.depfile,
-        if_changed=making.if_changed,
-    )
+        report = call(output=file, progress=progress, **asked)
+    written = report.written
+    finish_target(file, made_from(report), created=written.created, depfile=depfile, if_changed=if_changed)
     words.explain(output, report.notes, report.reasons if making.explain else ())
+    current = f"{written.skill} is up to date: the same inputs and options gave it. --force makes it again."
+    output.result(report, lambda: [current] if report.status == "up to date" else blocks(report))
     return report
-
-
-def _keywords(making: Making, progress: Progress | None) -> dict[str, Any]:
-    return {
-        "output": making.output,
-        "name": making.name,
-        "note": making.message,
-        "plot": making.plot,
-        "force": making.force,
-        "progress": progress,
-    }
 
 
 def files_of(parts: Iterable[Any], place: LockedPlace) -> list[Path]:

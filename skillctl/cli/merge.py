@@ -12,14 +12,13 @@ import typer
 from skillctl.adapt.options import TASK, TaskOptions
 from skillctl.cli import options, render, words
 from skillctl.cli.making import files_of, make
-from skillctl.cli.output import Output
+from skillctl.cli.parameters import was_typed
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
-from skillctl.options import changed
+from skillctl.options import options_of
 
 if TYPE_CHECKING:
-    from skillctl.adapt.task import TaskErrors
     from skillctl.usecases.merge import MergeReport, TaskReport
 
 EXAMPLES = """\b
@@ -39,8 +38,7 @@ ORIGINS = {
 def merge(
     context: typer.Context,
     skills: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SKILL...", help=f"Two or more: {options.SKILL}."),
+        list[str] | None, typer.Argument(metavar="SKILL...", help=f"Two or more: {options.SKILL}.")
     ] = None,
     *,
     making: options.Making,
@@ -58,7 +56,7 @@ def merge(
     from skillctl.store import parse_reference
     from skillctl.usecases.merge import merge as merge_skills
 
-    _require_task(skills, task, reading)
+    _require_task(context, skills, task)
     call = partial(
         merge_skills,
         skills or [],
@@ -68,25 +66,20 @@ def merge(
         task=replace(task, reading=reading) if task.demonstrations else None,
         refit=not no_refit,
     )
-    files = [Path(skill) for skill in skills or () if isinstance(parse_reference(skill), Path)]
-    output: Output = context.obj
-    report = make(
-        output,
-        "merging",
-        making,
-        call,
-        lambda report: [*files, *files_of(report.parts, place), *task.demonstrations],
-    )
-    output.result(report, lambda: blocks(report))
+    named = [Path(skill) for skill in skills or () if isinstance(parse_reference(skill), Path)]
+
+    def made_from(report: MergeReport) -> list[Path]:
+        return [*named, *files_of(report.parts, place), *task.demonstrations]
+
+    make(context.obj, "merging", making, call, blocks, made_from)
 
 
-def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading) -> None:
+def _require_task(context: typer.Context, skills: list[str] | None, task: TaskOptions) -> None:
     """Raise UsageError for options that only mean something with --fit, or for no skill at all."""
-    if not task.demonstrations:
-        for option in (*changed(task), *changed(reading)):
-            raise UsageError(
-                f"--{option.key}: only with --fit.", hint="Add --fit DEMO, a file with the new task."
-            )
+    for option in (*options_of(TaskOptions), *options_of(Reading)):
+        if not task.demonstrations and was_typed(context, option.field):
+            hint = "Add --fit DEMO, a file with the new task."
+            raise UsageError(f"--{option.key} is only used with --fit.", hint=hint)
     if not (skills or task.from_store):
         raise UsageError(
             "merge: no skill is named.", hint="Name two or more skills, or give --from-store and --fit DEMO."
@@ -95,39 +88,31 @@ def _require_task(skills: list[str] | None, task: TaskOptions, reading: Reading)
 
 def blocks(report: MergeReport) -> list[render.Block]:
     """Return the report for people."""
-    if report.status == "up to date":
-        return [words.up_to_date(report.written.skill, "inputs")]
-    blocks: list[render.Block] = [words.parts(report.parts, "weight")]
-    if report.refits:
-        blocks.append(words.refits(report.refits, report.unit))
-    if report.task is not None:
-        blocks.append(_errors(report.task, report.unit))
+    again = words.refits(report.refits, report.unit)
+    task = report.task
+    errors = [] if task is None else [_errors(task, report.unit)]
+    fitted = [] if task is None else [("fitted", f"{task.choice}; chosen from {task.candidates} skills")]
     facts = (
         *words.written(report.written),
         ("gate", words.gate(report.gate, report.parameters)),
         ("speed", f"{report.speed:.4g}"),
-        *_fit(report.task),
+        *fitted,
         ("attractor", words.point(report.attractor, report.unit)),
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
         *words.proof(report.certificate),
     )
-    return [*blocks, render.Facts(facts)]
+    return [words.parts(report.parts, "weight"), *again, *errors, render.Facts(facts)]
 
 
 def _errors(task: TaskReport, unit: str) -> render.Table:
     """Return the errors on the demonstrations of the task, and on those left out in turn."""
-
-    def row(name: str, errors: TaskErrors) -> tuple[str, ...]:
-        single = f"{words.length(errors.best_single, unit)} (part {errors.best_part})"
-        return (name, single, words.length(errors.equal, unit), words.length(errors.fitted, unit))
-
-    rows = [row(f"{task.demonstrations} given", task.errors)]
+    rows = [(f"{task.demonstrations} given", task.errors)]
     if task.held_out is not None:
-        rows.append(row("each left out in turn", task.held_out))
-    return render.Table(("DTW to demonstrations", "best part alone", "equal weights", "fitted"), tuple(rows))
-
-
-def _fit(task: TaskReport | None) -> tuple[tuple[str, str], ...]:
-    if task is None:
-        return ()
-    return (("fitted", f"{task.choice}; chosen from {task.candidates} skills"),)
+        rows.append(("each left out in turn", task.held_out))
+    columns = {
+        "DTW to demonstrations": lambda row: row[0],
+        "best part alone": lambda row: f"{words.length(row[1].best_single, unit)} (part {row[1].best_part})",
+        "equal weights": lambda row: words.length(row[1].equal, unit),
+        "fitted": lambda row: words.length(row[1].fitted, unit),
+    }
+    return render.table(rows, columns)

@@ -47,7 +47,7 @@ class Place:
 
 @dataclass(frozen=True)
 class LockedPlace(Place):
-    """Where names are looked up, by commands that can be told to use nothing but what is locked."""
+    """Where names are looked up, by commands that can be restricted to locked skills."""
 
     locked: bool = option(
         False,
@@ -77,30 +77,30 @@ class Making(Result):
         group=RESULT,
         help="Leave the time of FILE.h5 alone if it stays the same, so that nothing is made again from it.",
     )
-    explain: bool = option(False, group=RESULT, help="Say why it is not up to date.")
+    explain: bool = option(False, group=RESULT, help="Say why the skill is not up to date.")
     force: bool = option(False, group=RESULT, help="Make it again even if nothing changed.")
 
 
 @dataclass(frozen=True)
 class Work:
-    """Who works on many items."""
+    """How the work on many items is shared."""
 
     jobs: int | None = option(
-        short="-j", metavar="N", group=WORK, help="Processes; changes no result. Default: 1."
+        short="-j", metavar="N", group=WORK, help="Number of processes; it changes no result. Default: 1."
     )
     backend: Literal["processes", "dask"] = option(
         "processes",
         group=WORK,
-        help="processes: of this machine; dask: a cluster. (Needs: pip install '.[cluster]'.)",
+        help="processes: on this machine; dask: on a cluster. (Needs: pip install '.[cluster]'.)",
     )
     scheduler: str | None = option(
         metavar="ADDRESS",
         group=WORK,
-        help="Of the cluster, as `dask scheduler` says it. Its workers see the same directory as we do.",
+        help="Address of a cluster, as `dask scheduler` prints it. Its workers must see this directory.",
     )
 
     def workers(self) -> Workers:
-        """Return who does it.
+        """Return the processes that do the work.
 
         Raises:
             UsageError: The options contradict each other.

@@ -1,8 +1,7 @@
-"""Where things are said: results on standard output, everything else on standard error."""
+"""The streams of a run: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sys
@@ -22,7 +21,7 @@ from skillctl.errors import StoreError, printable
 
 @dataclass
 class Output:
-    """The streams of one run, and how much the user wants to hear.
+    """The streams of one run, and how much is printed on them.
 
     Attributes:
         as_json: The result is one JSON document; so is an error.
@@ -49,25 +48,22 @@ class Output:
         if self.as_json:
             self._write(render.to_json(report) + "\n")
         elif is_terminal(sys.stdout):
-            self._write(render.to_terminal(blocks(), coloured=allows_colour()))
+            coloured = not os.environ.get("NO_COLOR")  # https://no-color.org
+            self._write(render.to_terminal(blocks(), coloured=coloured))
         else:
             self._write(render.to_text(blocks()))
-
-    def document(self, value: Any) -> None:
-        """Print a JSON document that is itself the result, without a schema version of ours."""
-        self._write(json.dumps(value, ensure_ascii=True, indent=2) + "\n")
 
     def verbatim(self, text: str) -> None:
         """Print a result whose form another program prescribes, as it is."""
         self._write(text)
 
     def note(self, text: str) -> None:
-        """Say something that is not the result."""
+        """Print what is not the result."""
         if not (self.quiet or self.as_json):
             _to_stderr(_wrapped(printable(text)))
 
     def detail(self, text: str) -> None:
-        """Say something that only those want to know who asked for it."""
+        """Print what is only of interest with --verbose."""
         if self.verbose:
             self.note(text)
 
@@ -75,7 +71,7 @@ class Output:
     def progress(self, label: str) -> Iterator[Callable[[str, int, int], None] | None]:
         """Yield a function (stage, done, total) that moves a progress bar; None where none can be shown.
 
-        Whoever asked for more words gets a line per stage instead.
+        With --verbose each stage is a line instead.
         """
         if self.quiet or self.as_json or not (self.verbose or is_terminal(sys.stderr)):
             yield None
@@ -89,13 +85,12 @@ class Output:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(label, total=None)
-
-            def update(stage: str, done: int, total: int) -> None:
-                bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
-
-            yield update
+            yield lambda stage, done, total: bar.update(
+                task, description=f"{label}: {stage}", completed=done, total=total
+            )
 
     def _stages(self, label: str) -> Callable[[str, int, int], None]:
+        """Return a function that says when a new stage begins."""
         began, last = time.monotonic(), ""
 
         def say_new_stage(stage: str, done: int, total: int) -> None:
@@ -148,10 +143,8 @@ class Output:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise StoreError(
-                f"standard output cannot be written: {error.strerror}.",
-                hint="Free some space, or write elsewhere.",
-            ) from error
+            problem = f"standard output cannot be written: {error.strerror}."
+            raise StoreError(problem, hint="Free some space, or write elsewhere.") from error
 
 
 def is_terminal(stream: TextIO | None) -> bool:
@@ -161,21 +154,12 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream.isatty()
 
 
-def allows_colour() -> bool:
-    """Return whether the user wants colours (https://no-color.org)."""
-    return not os.environ.get("NO_COLOR")
-
-
 def _wrapped(text: str) -> str:
     """Return text broken between words where standard error is a terminal, which breaks within them."""
     if not is_terminal(sys.stderr):
         return text
-    wrapper = textwrap.TextWrapper(
-        shutil.get_terminal_size().columns,
-        subsequent_indent="  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    whole: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False, "subsequent_indent": "  "}
+    wrapper = textwrap.TextWrapper(shutil.get_terminal_size().columns, **whole)
     return "\n".join(map(wrapper.fill, text.split("\n")))
 
 

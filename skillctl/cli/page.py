@@ -6,6 +6,7 @@ import base64
 import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import skillctl
@@ -18,29 +19,6 @@ if TYPE_CHECKING:
     from skillctl.usecases.pictures import Picture
 
 SUFFIXES = (".html", ".htm")
-# Nothing is loaded and nothing runs, whatever a name or a note in the file tries.
-POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
-STYLE = """
-:root { color-scheme: light dark; --line: #d5d9de; --quiet: #57606a; --ok: #1a7f37; --bad: #b3360b; }
-@media (prefers-color-scheme: dark) {
-  :root { --line: #3b424b; --quiet: #9aa4af; --ok: #4ac26b; --bad: #f0883e; }
-}
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 56rem; margin: 0 auto; padding: 1rem; }
-h1 { font-size: 1.6rem; margin: .5rem 0 0; overflow-wrap: anywhere; }
-h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
-.verdict { font-weight: 600; } .stable { color: var(--ok); } .open { color: var(--bad); }
-blockquote { margin: 1rem 0; padding: .2rem 1rem; border-left: 4px solid var(--line); }
-blockquote { overflow-wrap: anywhere; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; } .facts, .wide { margin: 1rem 0; }
-th, td { text-align: left; vertical-align: top; padding: .25rem .9rem .25rem 0; }
-thead th, .facts th { font-weight: 500; color: var(--quiet); white-space: nowrap; }
-tbody tr + tr > * { border-top: 1px solid var(--line); }
-td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; white-space: pre-wrap; }
-.wide td { white-space: pre; overflow-wrap: normal; } .facts td { min-width: 12rem; }
-figure { margin: 0; } img { width: 100%; height: auto; background: white; border-radius: 4px; }
-footer { margin-top: 3rem; color: var(--quiet); font-size: .85rem; overflow-wrap: anywhere; }
-"""
 
 
 def require_page(path: Path) -> None:
@@ -88,13 +66,9 @@ def page(
         f"<footer>Written by skillctl {_safe(skillctl.__version__)} from the content with the digest "
         f"{_safe(report.digest)}.</footer>",
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_safe(POLICY)}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<link rel="icon" href="data:,">\n<title>{_safe(report.skill)}</title>\n<style>{STYLE}</style>\n'
-        "</head>\n<body>\n" + "\n".join(part for part in body if part) + "\n</body>\n</html>\n"
-    )
+    # The form loads nothing and runs nothing, whatever a name or a note in the file tries.
+    form = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
+    return form.substitute(title=_safe(report.skill), body="\n".join(filter(None, body)))
 
 
 def _safe(text: str) -> str:
@@ -113,19 +87,20 @@ def _sentences(sentences: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{_safe(sentence)}</li>" for sentence in sentences) + "\n</ul>"
 
 
+def _row(cells: Sequence[str], tags: Sequence[str]) -> str:
+    inside = "".join(f"<{tag}>{_safe(cell)}</{tag}>" for tag, cell in zip(tags, cells, strict=True))
+    return f"<tr>{inside}</tr>"
+
+
 def _block(block: render.Block) -> str:
     """Return a block of a report as HTML."""
     if isinstance(block, render.Facts):
-        rows = "\n".join(
-            f"<tr><th>{_safe(name)}</th><td>{_safe(value)}</td></tr>" for name, value in block.items
-        )
+        rows = "\n".join(_row(item, ("th", "td")) for item in block.items)
         return f'<table class="facts">\n{rows}\n</table>'
     if isinstance(block, render.Table):
-        head = "".join(f"<th>{_safe(heading)}</th>" for heading in block.headings)
-        rows = "\n".join(
-            "<tr>" + "".join(f"<td>{_safe(cell)}</td>" for cell in row) + "</tr>" for row in block.rows
-        )
-        inside = f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>"
+        count = len(block.headings)
+        rows = "\n".join(_row(row, ["td"] * count) for row in block.rows)
+        inside = f"<thead>{_row(block.headings, ['th'] * count)}</thead>\n<tbody>\n{rows}\n</tbody>"
         return f'<div class="wide"><table>\n{inside}\n</table></div>'
     if isinstance(block, render.Lines):
         return f"<p>{_safe(block.title)}</p>\n{_sentences(block.sentences)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Optional, get_args, get_origin
+from typing import Annotated, Any, Literal, Optional, get_args
 
 import typer
 
@@ -22,10 +22,10 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
     parameters: list[inspect.Parameter] = []
     records: dict[str, Any] = {}
     for parameter in signature.parameters.values():
-        kind, heading = _unwrapped(parameter.annotation)
+        kind, *more = get_args(parameter.annotation) or [parameter.annotation]
         if hasattr(kind, "__dataclass_fields__"):
             records[parameter.name] = kind
-            parameters += [p for each in options_of(kind) for p in _parameters(each, heading)]
+            parameters += [p for each in options_of(kind) for p in _parameters(each, *more)]
         else:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
@@ -37,15 +37,6 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
     call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return call
-
-
-def _unwrapped(annotation: Any) -> tuple[Any, str | None]:
-    """Return a type, and the heading that is given with it."""
-    if get_origin(annotation) is Annotated:
-        kind, *more = get_args(annotation)
-        if isinstance(more[0], str):
-            return kind, more[0]
-    return annotation, None
 
 
 def _made(kind: Any, values: dict[str, Any]) -> Any:
@@ -61,7 +52,7 @@ def _made(kind: Any, values: dict[str, Any]) -> Any:
     return kind(**fields)
 
 
-def _parameters(declared: Declared, heading: str | None) -> Iterable[inspect.Parameter]:
+def _parameters(declared: Declared, heading: str | None = None) -> Iterable[inspect.Parameter]:
     """Yield what Typer makes one option of, or several for one that is several numbers by name."""
     option = replace(declared.option, group=heading or declared.option.group)
     if not option.named:
@@ -74,24 +65,20 @@ def _parameters(declared: Declared, heading: str | None) -> Iterable[inspect.Par
 
 def _parameter(name: str, key: str, kind: Any, default: Any, option: Option) -> inspect.Parameter:
     info = typer.Option(
-        f"--{key}",
-        *filter(None, [option.short]),
+        *filter(None, (f"--{key}", option.short)),
         metavar=option.metavar,
         help=option.help,
-        parser=None if option.read is None else parser(option.read),
+        parser=option.read and parser(option.read),
         envvar=option.environment,
         rich_help_panel=option.group,
     )
-    return inspect.Parameter(
-        name,
-        inspect.Parameter.KEYWORD_ONLY,
-        annotation=Annotated[kind, info],
-        default=inspect.Parameter.empty if option.required else default,
-    )
+    default = inspect.Parameter.empty if option.required else default
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, keyword, annotation=Annotated[kind, info], default=default)
 
 
 def _kind(declared: Declared) -> Any:
-    """Return the type that Typer is told: what is read by a function of ours can be anything."""
+    """Return the type for Typer: a value that a function of ours reads can be of any type."""
     if declared.option.repeated:
         entry: Any = Any if declared.option.read else get_args(declared.kind)[0]
         return Optional[list.__class_getitem__(entry)]  # noqa: UP045  # made at run time
@@ -102,8 +89,14 @@ def _kind(declared: Declared) -> Any:
     return declared.kind
 
 
+def was_typed(context: Any, name: str) -> bool:
+    """Return whether a parameter was given on the command line, even with its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
 def parser(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a reader whose complaint the parser takes for one about its option."""
+    """Return a reader whose ValueError the parser reports with the name of the option."""
 
     def parse(text: str) -> Any:
         try:

@@ -26,11 +26,11 @@ def quickstart(
         Path, typer.Argument(metavar="[DIR]", help="Where to do it: new, empty, or an earlier quickstart.")
     ] = Path("quickstart"),
 ) -> None:
-    """See it all on an example: reach for a cup on a shelf.
+    """See every step on an example: reach for a cup on a shelf.
 
-    Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches nobody
-    demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated arm.
-    Every command is printed as it is run, so that you can repeat it by hand.
+    Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches that were
+    not demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated
+    arm. Every command is printed as it is run, so that you can repeat it by hand.
     """
     from skillctl.usecases.quickstart import quickstart as run_quickstart
 
@@ -46,22 +46,19 @@ def quickstart(
 
 def blocks(report: QuickstartReport) -> list[render.Block]:
     """Return the report for people."""
-    rows = tuple(
-        (
-            skill.skill,
-            skill.made_by,
-            words.length(skill.dtw, "m"),
-            skill.verdict,
-            *words.rate_and_period(skill.rate, skill.period)[::2],
-            skill.outcome or words.NONE,
-            words.length(skill.final_error, "m"),
-            words.number(skill.time_to_target, "s"),
-        )
-        for skill in report.skills
-    )
-    headings = ("skill", "made by", "DTW", "verdict", "rate", "controller ≥", "simulated", "error", "time")
+    columns = {
+        "skill": lambda skill: skill.skill,
+        "made by": lambda skill: skill.made_by,
+        "DTW": lambda skill: words.length(skill.dtw, "m"),
+        "verdict": lambda skill: skill.verdict,
+        "rate": lambda skill: words.rate_and_period(skill.rate, skill.period)[0],
+        "controller ≥": lambda skill: words.rate_and_period(skill.rate, skill.period)[2],
+        "simulated": lambda skill: skill.outcome or words.NONE,
+        "error": lambda skill: words.length(skill.final_error, "m"),
+        "time": lambda skill: words.number(skill.time_to_target, "s"),
+    }
     where = f"Everything is in {report.directory}: demonstrations/, skills/"
     seen = "." if report.picture is None else f", and the picture {report.picture}."
     following = "skillctl ls, skillctl inspect shelf, skillctl simulate --help"
     following = f"Look around: cd {report.directory}, then {following}."
-    return [render.Table(headings, rows), f"{where}{seen}", following]
+    return [render.table(report.skills, columns), f"{where}{seen}", following]

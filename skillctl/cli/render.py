@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,21 +15,9 @@ from skillctl.errors import SkillctlError, printable
 
 SCHEMA_VERSION = 2  # keys are only ever added under one version
 
-COLOURS = {
-    "stable": "green",
-    "proved": "green",
-    "not proved": "red",
-    "not signed": "red",
-    "inconclusive": "yellow",
-    "unreadable": "red",
-    "failed": "red",
-    "reached": "green",
-    "timeout": "red",
-    "unreachable": "red",
-    "diverged": "red",
-    "yes": "green",
-    "no": "red",
-}
+RED = ("not proved", "not signed", "unreadable", "failed", "timeout", "unreachable", "diverged", "no")
+GREEN = ("stable", "proved", "reached", "yes")
+COLOURS = {**dict.fromkeys(RED, "red"), **dict.fromkeys(GREEN, "green"), "inconclusive": "yellow"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +46,12 @@ class Lines:
 Block: TypeAlias = Table | Facts | Lines | str
 
 
+def table(things: Iterable[Any], columns: Mapping[str, Callable[[Any], object]]) -> Table:
+    """Return a table with a row a thing; a column is a heading and a function from a thing to its cell."""
+    rows = tuple(tuple(str(cell(thing)) for cell in columns.values()) for thing in things)
+    return Table(tuple(columns), rows)
+
+
 def to_json(report: Any) -> str:
     """Return one JSON document: the report's fields and ``schema_version``; NaN becomes null."""
     document = {"schema_version": SCHEMA_VERSION, **plain(report)}
@@ -65,7 +59,7 @@ def to_json(report: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON knows it: dataclasses as objects, arrays as lists, NaN and infinity as null."""
+    """Return a value in the types of JSON: dataclasses as objects, arrays as lists, NaN as null."""
     if isinstance(value, SkillctlError):
         return plain(describe(value))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -94,36 +88,31 @@ def to_text(blocks: Sequence[Block]) -> str:
 
 def _lines_of(block: Block) -> str:
     if isinstance(block, str):
-        return f"{printable(block)}\n"
-    if isinstance(block, Lines):
-        sentences = (f"  {printable(sentence)}\n" for sentence in block.sentences)
-        return "".join([f"{printable(block.title)}\n", *sentences])
-    if isinstance(block, Facts):
+        lines = [printable(block)]
+    elif isinstance(block, Lines):
+        lines = [printable(block.title), *(f"  {printable(sentence)}" for sentence in block.sentences)]
+    elif isinstance(block, Facts):
         width = max((len(printable(name)) for name, _ in block.items), default=0)
         lines = [f"{printable(name):<{width}}  {printable(value)}" for name, value in block.items]
     else:
-        lines = _aligned((block.headings, *block.rows), _right_aligned(block))
+        lines = _aligned(block)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
 
-def _aligned(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> list[str]:
-    cells = [[printable(cell) for cell in row] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(right))]
-    return [
-        "  ".join(
-            cell.rjust(width) if to_right else cell.ljust(width)
-            for cell, width, to_right in zip(row, widths, right, strict=True)
-        )
-        for row in cells
-    ]
+def _aligned(table: Table) -> list[str]:
+    """Return the lines of a table, numbers to the right."""
+    columns = []
+    for column, to_right in zip(zip(table.headings, *table.rows, strict=True), _numeric(table), strict=True):
+        cells = list(map(printable, column))
+        width = max(map(len, cells))
+        columns.append([cell.rjust(width) if to_right else cell.ljust(width) for cell in cells])
+    return ["  ".join(row) for row in zip(*columns, strict=True)]
 
 
-def _right_aligned(table: Table) -> list[bool]:
+def _numeric(table: Table) -> list[bool]:
     """Return for each column whether it holds numbers."""
-    return [
-        bool(table.rows) and all(_is_numeric(row[i]) for row in table.rows)
-        for i in range(len(table.headings))
-    ]
+    count = len(table.headings)
+    return [bool(table.rows) and all(_is_numeric(row[i]) for row in table.rows) for i in range(count)]
 
 
 def _is_numeric(cell: str) -> bool:
@@ -143,43 +132,34 @@ def to_terminal(blocks: Sequence[Block], *, coloured: bool) -> str:
     for block in blocks:
         with console.capture() as captured:
             console.print(_renderable(block))
-        lines = captured.get().split("\n")
-        shown.append(
-            "".join(f"{line.rstrip()}\n" for line in lines if line.strip())
-        )  # tables bring empty lines
+        lines = filter(str.strip, captured.get().split("\n"))  # tables bring empty lines
+        shown.append("".join(f"{line.rstrip()}\n" for line in lines))
     return "\n".join(shown)
 
 
 def _renderable(block: Block) -> Any:
     """Return what Rich prints for a block."""
+    from rich import box
     from rich.console import Group
     from rich.padding import Padding
-    from rich.text import Text
-
-    if isinstance(block, str):
-        return Text(printable(block))
-    if isinstance(block, Lines):
-        sentences = (Padding(Text(printable(sentence)), (0, 0, 0, 2)) for sentence in block.sentences)
-        return Group(Text(printable(block.title)), *sentences)
-    return _rich_table(block)
-
-
-def _rich_table(block: Table | Facts) -> Any:
-    from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    def cell(text: str) -> Text:
-        return Text(printable(text), style=COLOURS.get(text, ""))
+    def text(words: str, style: str = "") -> Text:
+        return Text(printable(words), style=style)
 
+    if isinstance(block, str):
+        return text(block)
+    if isinstance(block, Lines):
+        return Group(text(block.title), *(Padding(text(each), (0, 0, 0, 2)) for each in block.sentences))
     if isinstance(block, Facts):
         grid = RichTable.grid(padding=(0, 2))
         for name, value in block.items:
-            grid.add_row(Text(printable(name), style="dim"), cell(value))
+            grid.add_row(text(name, "dim"), text(value, COLOURS.get(value, "")))
         return grid
     table = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for heading, right in zip(block.headings, _right_aligned(block), strict=True):
-        table.add_column(Text(printable(heading)), justify="right" if right else "left", overflow="fold")
+    for heading, to_right in zip(block.headings, _numeric(block), strict=True):
+        table.add_column(text(heading), justify="right" if to_right else "left", overflow="fold")
     for row in block.rows:
-        table.add_row(*map(cell, row))
+        table.add_row(*(text(cell, COLOURS.get(cell, "")) for cell in row))
     return table

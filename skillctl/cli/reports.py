@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-import typer
-
 import skillctl
-from skillctl.cli import render
+from skillctl.cli import render, words
 from skillctl.cli.errors import describe
 from skillctl.errors import UsageError, printable
 
@@ -30,37 +28,27 @@ RULES = {
 }
 
 
-class ReportFile(tuple[str, Path]):
-    """``junit=F``: the form of a report and its file."""
-
-
-def read_report(text: str) -> ReportFile:
-    """Read ``junit=FILE``."""
+def read_report(text: str) -> tuple[str, Path]:
+    """Return the form of a report and its file from ``junit=FILE``, or raise ValueError."""
     form, equals, path = text.partition("=")
     if form not in WRITERS or not (equals and path):
-        raise typer.BadParameter(f"{text!r} is not one of {', '.join(f'{form}=FILE' for form in WRITERS)}.")
-    return ReportFile((form, Path(path)))
+        raise ValueError(f"{text!r} is not one of {', '.join(f'{form}=FILE' for form in WRITERS)}.")
+    return form, Path(path)
 
 
-def write_reports(report: VerifyReport, files: list[ReportFile]) -> None:
-    """Write every report, each whole or not at all.
-
-    Raises:
-        UsageError: Two reports in one file.
-        StoreError: A file cannot be written.
-    """
-    from skillctl.store import write_file
-
-    require_own_files(files)
-    for form, path in files:
-        write_file(path, WRITERS[form](report).encode())
-
-
-def require_own_files(files: list[ReportFile]) -> None:
+def require_own_files(files: Sequence[tuple[str, Path]]) -> None:
     """Raise UsageError if two reports would be written to one file."""
     paths = [os.path.realpath(path) for _, path in files]
     if len(set(paths)) < len(paths):
-        raise UsageError("report: two reports in one file.", hint="Give each report a file of its own.")
+        raise UsageError("report: two reports have the same file.", hint="Give each report its own file.")
+
+
+def write_reports(report: VerifyReport, files: Sequence[tuple[str, Path]]) -> None:
+    """Write every report, each whole or not at all; raise StoreError if a file cannot be written."""
+    from skillctl.store import write_file
+
+    for form, path in files:
+        write_file(path, WRITERS[form](report).encode())
 
 
 def github(report: VerifyReport) -> str:
@@ -86,11 +74,8 @@ def junit(report: VerifyReport) -> str:
 
     outcomes = [verdict.outcome for verdict in report.skills]
     errors = outcomes.count("unreadable")
-    counts = {
-        "tests": str(len(outcomes)),
-        "failures": str(len(outcomes) - errors - outcomes.count("proved")),
-        "errors": str(errors),
-    }
+    failures = len(outcomes) - errors - outcomes.count("proved")
+    counts = {"tests": str(len(outcomes)), "failures": str(failures), "errors": str(errors)}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": NAME, **counts, "skipped": "0", "time": "0"})
     for verdict in report.skills:
@@ -101,8 +86,7 @@ def junit(report: VerifyReport) -> str:
             text = printable(reason(verdict))
             ElementTree.SubElement(case, kind, {"type": verdict.outcome, "message": text}).text = text
         proof = () if verdict.certificate is None else verdict.certificate.proof
-        said = "\n".join([identity(verdict), *proof])
-        ElementTree.SubElement(case, "system-out").text = said
+        ElementTree.SubElement(case, "system-out").text = "\n".join([identity(verdict), *proof])
     ElementTree.indent(root)
     return f"<?xml version='1.0' encoding='utf-8'?>\n{ElementTree.tostring(root, encoding='unicode')}\n"
 
@@ -117,26 +101,19 @@ def sarif(report: VerifyReport) -> str:
         {"id": identifier, "name": name.title().replace(" ", ""), "shortDescription": {"text": text}}
         for name, (identifier, text, _) in RULES.items()
     ]
-    driver = {"name": NAME, "version": skillctl.__version__, "rules": rules}
-    log = {
-        "$schema": SARIF_SCHEMA,
-        "version": "2.1.0",
-        "runs": [
-            {
-                "tool": {"driver": driver},
-                "invocations": [{"executionSuccessful": True}],
-                "results": [_sarif_result(verdict) for verdict in report.skills],
-            }
-        ],
+    run = {
+        "tool": {"driver": {"name": NAME, "version": skillctl.__version__, "rules": rules}},
+        "invocations": [{"executionSuccessful": True}],
+        "results": list(map(_sarif_result, report.skills)),
     }
+    log = {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}
     return f"{json.dumps(log, ensure_ascii=False, indent=2)}\n"
 
 
 def _sarif_result(verdict: SkillVerdict) -> dict[str, Any]:
     identifier, _, level = RULES[verdict.outcome]
-    uri = quote(Path(_location(verdict)).as_posix())
-    if Path(_location(verdict)).is_absolute():
-        uri = f"file://{uri}"
+    path = Path(_location(verdict))
+    uri = f"{'file://' if path.is_absolute() else ''}{quote(path.as_posix())}"
     result: dict[str, Any] = {
         "ruleId": identifier,
         "ruleIndex": list(RULES).index(verdict.outcome),
@@ -146,7 +123,7 @@ def _sarif_result(verdict: SkillVerdict) -> dict[str, Any]:
         "locations": [{"physicalLocation": {"artifactLocation": {"uri": uri}}}],
         "properties": {"skill": printable(verdict.skill), "digest": verdict.digest},
     }
-    if verdict.digest is not None:  # the same content gives the same alert, wherever the file lies
+    if verdict.digest is not None:  # the same content gives the same alert, whatever its file is called
         result["partialFingerprints"] = {"skillContent/v1": verdict.digest}
     return result
 
@@ -167,9 +144,7 @@ def identity(verdict: SkillVerdict) -> str:
 
 
 def _location(verdict: SkillVerdict) -> str:
-    path = Path(verdict.skill) if verdict.path is None else verdict.path
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+    return words.near(Path(verdict.skill) if verdict.path is None else verdict.path)
 
 
 def _data(text: str) -> str:
@@ -182,8 +157,8 @@ def _property(text: str) -> str:
     return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
-def _json(report: VerifyReport) -> str:
-    return f"{render.to_json(report)}\n"
-
-
-WRITERS: dict[str, Callable[[VerifyReport], str]] = {"junit": junit, "json": _json, "sarif": sarif}
+WRITERS: dict[str, Callable[[VerifyReport], str]] = {
+    "junit": junit,
+    "json": lambda report: f"{render.to_json(report)}\n",
+    "sarif": sarif,
+}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import fields
-from inspect import cleandoc, isabstract
+from inspect import cleandoc
 from typing import Any, TypeAlias, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter
@@ -26,7 +26,7 @@ def schemas_of(reports: Sequence[type]) -> tuple[list[Schema], Schema]:
     """Return the schemas of reports, and the definitions that these refer to.
 
     Raises:
-        TypeError: A type of which nobody has said how it is printed.
+        TypeError: A type that has no form in JSON.
     """
     found = _adapter(reports).json_schema(mode="serialization", schema_generator=Plain)
     return found["prefixItems"], found.get("$defs", {})
@@ -53,7 +53,7 @@ def _summary(kind: type) -> str:
 
 
 def described_attributes(docstring: str) -> dict[str, str]:
-    """Return what the ``Attributes`` section of a docstring says of each name.
+    """Return what the ``Attributes`` section of a docstring says about each name.
 
     One entry may describe several names: ``skill, path, digest: How to name it, where it is, what it is.``
     """
@@ -68,7 +68,7 @@ def described_attributes(docstring: str) -> dict[str, str]:
 
 
 class Plain(GenerateJsonSchema):
-    """How JSON Schemas of reports differ from those that pydantic would write."""
+    """Writes the JSON Schemas of reports where they differ from pydantic's."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         """Leave the titles out: they would repeat the keys."""
@@ -93,8 +93,6 @@ class Plain(GenerateJsonSchema):
         kind = schema["cls"]
         if issubclass(kind, SkillctlError):
             return self._of(Failure)
-        if isabstract(kind):
-            return {"anyOf": [self._of(each) for each in kind.__subclasses__()]}
         if kind.__name__ == "ndarray":
             return _array(MOST_AXES)
         raise TypeError(f"no JSON is known for {kind!r}")
@@ -107,7 +105,7 @@ class Plain(GenerateJsonSchema):
         """Return the schema of a report: all keys are there, and its docstring says what they mean."""
         found, kind = super().dataclass_schema(schema), schema["cls"]
         said = {}
-        for each in reversed(kind.__mro__):  # what a base says of its fields need not be said again
+        for each in reversed(kind.__mro__):  # a base describes its own fields
             said.update(described_attributes(each.__doc__ or ""))
         properties = found["properties"]
         for field in fields(kind):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skillctl.cli.render import Table
+from skillctl.cli.render import Table, table
 
 if TYPE_CHECKING:
     from skillctl.adapt.together import Refit
@@ -36,6 +36,11 @@ def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     return f"{value:.{digits}g} {unit}".rstrip()
 
 
+def percent(share: float | None) -> str:
+    """Return a share of one in percent; a dash if there is none."""
+    return NONE if share is None else f"{share:.0%}"
+
+
 def point(values: Sequence[float], unit: str = "") -> str:
     """Return coordinates as they are typed on the command line."""
     return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
@@ -48,7 +53,7 @@ def near(path: Path) -> str:
 
 
 def yes_no(value: bool | None) -> str:
-    """Return ``yes``, ``no``, or a dash for what nobody knows."""
+    """Return ``yes``, ``no``, or a dash for what is not known."""
     return NONE if value is None else ("yes" if value else "no")
 
 
@@ -58,14 +63,14 @@ def maker(command: str, tool: str) -> str:
 
 
 def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
-    """Return what is proved, as facts; numbers are rounded so that what is said stays true."""
+    """Return what is proved, as facts; numbers are rounded to the side on which they stay true."""
     local = "" if certificate.scope == "global" else f" ({certificate.scope} proof)"
     facts = [("verdict", f"{certificate.verdict}{local}")]
-    rate_text, period_text, frequency = rate_and_period(certificate.rate, certificate.period)
-    if certificate.rate is not None:
-        facts.append(("decay rate", f"at least {rate_text}"))
-    if certificate.period is not None:
-        facts.append(("controller period", f"up to {period_text} ({frequency} or faster)"))
+    rate, period, frequency = rate_and_period(certificate.rate, certificate.period)
+    if rate != NONE:
+        facts.append(("decay rate", f"at least {rate}"))
+    if period != NONE:
+        facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
     return tuple(facts)
 
 
@@ -86,27 +91,22 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
 
 
 def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
-    """Return the errors on demonstrations left out, as facts; none if nobody asked for them."""
+    """Return the errors on demonstrations left out, as facts; none if they were not asked for."""
     if errors is None:
         return ()
     distances = f"DTW {length(errors.dtw, unit)} on average, {length(errors.worst_dtw, unit)} at worst"
     return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
 
 
-def stages(results: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Return how the last stage of learning ended, as facts; none if nothing of it is recorded."""
-    return tuple(("learning", stage) for stage in results.get("stages", ())[-1:])
+def stages(ended: Any) -> tuple[tuple[str, str], ...]:
+    """Return how the last stage of learning ended, as facts; none if no stage is recorded."""
+    return tuple(("learning", stage) for stage in ended[-1:])
 
 
 def written(place: Written) -> tuple[tuple[str, str], ...]:
     """Return where a new skill is, and what it is."""
     name = place.skill if place.created else f"{place.skill} (unchanged)"
     return (("skill", name), ("file", near(place.path)), ("digest", place.digest))
-
-
-def up_to_date(skill: str, inputs: str) -> str:
-    """Return the sentence about a skill that need not be made again."""
-    return f"{skill} is up to date: the same {inputs} and options gave it. --force makes it again."
 
 
 def explain(output: Output, notes: Sequence[str], reasons: Sequence[str] = ()) -> None:
@@ -124,41 +124,40 @@ def short(digest: str | None) -> str:
 
 def parts(summaries: Sequence[PartSummary], share: str) -> Table:
     """Return a table of what a skill was made of."""
-    rows = tuple(
-        (str(number), part.skill, f"{part.share:.3g}", str(part.n_components), short(part.digest))
-        for number, part in enumerate(summaries, start=1)
-    )
-    return Table(("part", "skill", share, "components", "digest"), rows)
+    columns = {
+        "part": lambda part: part[0],
+        "skill": lambda part: part[1].skill,
+        share: lambda part: f"{part[1].share:.3g}",
+        "components": lambda part: part[1].n_components,
+        "digest": lambda part: short(part[1].digest),
+    }
+    return table(enumerate(summaries, start=1), columns)
 
 
-def refits(refits: Sequence[Refit], unit: str) -> Table:
-    """Return a table of the parts that were learned again, and what that did to their motions."""
-    rows = tuple((r.skill, length(r.dtw_before, unit), length(r.dtw_after, unit)) for r in refits)
-    return Table(("learned again", "DTW before", "DTW after"), rows)
+def refits(refits: Sequence[Refit], unit: str) -> list[Table]:
+    """Return a table of the parts that were learned again, and what that did to their motions, if any."""
+    columns = {
+        "learned again": lambda refit: refit.skill,
+        "DTW before": lambda refit: length(refit.dtw_before, unit),
+        "DTW after": lambda refit: length(refit.dtw_after, unit),
+    }
+    return [table(refits, columns)] if refits else []
 
 
 def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_leaf: bool = False) -> Table:
     """Return a table of how well each demonstration is repeated."""
-    headings = ("demonstration", "duration", "velocity RMSE", "DTW", "arrives")
-    rows = [
-        (
-            report.source,
-            f"{report.duration:.2f} s",
-            per_second(report.velocity_rmse, unit),
-            length(report.dtw, unit),
-            _arrival(report, unit),
-        )
-        for report in reports
-    ]
-    if with_leaf:
-        headings = ("leaf", *headings)  # type: ignore[assignment]
-        rows = [(str(report.leaf + 1), *row) for report, row in zip(reports, rows, strict=True)]  # type: ignore[misc]
-    return Table(headings, tuple(rows))
-
-
-def _arrival(report: DemonstrationReport, unit: str) -> str:
-    """Return whether the motion arrived, and if not how far it stayed off."""
-    return f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
+    leaf = {"leaf": lambda report: report.leaf + 1} if with_leaf else {}
+    columns = {
+        **leaf,
+        "demonstration": lambda report: report.source,
+        "duration": lambda report: f"{report.duration:.2f} s",
+        "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
+        "DTW": lambda report: length(report.dtw, unit),
+        "arrives": lambda report: (
+            f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
+        ),
+    }
+    return table(reports, columns)
 
 
 def per_second(value: float | None, unit: str) -> str:

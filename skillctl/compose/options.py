@@ -21,7 +21,7 @@ def _target() -> Any:
         read=read_numbers,
         metavar="X,Y,Z",
         group=MOTION,
-        help="Where the motion shall end, in the unit of the skill.",
+        help="Where the motion ends, in the unit of the skill.",
     )
 
 

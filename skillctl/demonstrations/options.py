@@ -30,7 +30,8 @@ class Reading:
         metavar="X,Y,Z",
         group=READING,
         help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
-        "of a robomimic dataset. Default: x, y, z, or all but the time; robot0_eef_pos.",
+        "of a robomimic dataset. Default: x, y, z, else all columns but the time; of robomimic, "
+        "robot0_eef_pos.",
     )
     dt: float | None = option(
         metavar="S", group=READING, help="Seconds between samples, if the file has no time."

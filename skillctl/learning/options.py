@@ -80,12 +80,13 @@ class LearnOptions:
     objective: Objective = option(
         "reproduction",
         group=LEARNING,
-        help="reproduction: velocities and whole motions; mse: velocities; likelihood: Eq. 6.",
+        help="What is optimised. reproduction: velocities and whole motions; mse: velocities; likelihood: "
+        "the likelihood of the demonstrations.",
     )
     metric: Metric = option(
         "learned",
         group=LEARNING,
-        help="In which distance the motion approaches the target: learned from the data, or plain.",
+        help="Distance in which the motion approaches the target: learned from the data, or the plain one.",
     )
     n_components: int | Literal["auto"] | None = option(
         name="components",
@@ -96,30 +97,30 @@ class LearnOptions:
         "Default: 7 (9 with --preset quality), or fewer for little data.",
     )
     preset: Preset = option("default", group=LEARNING, help="How much work to spend.")
-    seed: int = option(0, metavar="N", group=LEARNING, help="Of the random starts.")
+    seed: int = option(0, metavar="N", group=LEARNING, help="Seed of the random starts.")
     slowest_rate: float = option(
         0.03,
         metavar="R",
         group=LEARNING,
-        help="Decay that every component keeps at least, in the motion's own unit of time.",
+        help="Decay rate that every component keeps at least, in the motion's own unit of time.",
     )
     period: float = option(
         0.01,
         metavar="S",
         group=LEARNING,
-        help="Controller period in seconds that the proof must cover; 0: any.",
+        help="Controller period in seconds that the proof must cover; 0: none.",
     )
 
     def __post_init__(self) -> None:
         require_choices(self)
         if isinstance(self.n_components, int) and self.n_components < 1:
-            raise UsageError(f"components: at least 1, not {self.n_components}.")
+            raise UsageError(f"components: must be at least 1, got {self.n_components}.")
         if not 0 < self.slowest_rate <= 1:
-            raise UsageError(f"slowest rate: above 0 and at most 1, not {self.slowest_rate:g}.")
+            raise UsageError(f"slowest rate: must be above 0 and at most 1, got {self.slowest_rate:g}.")
         if not 0 <= self.period < math.inf:
-            raise UsageError(f"period: zero or a positive number of seconds, not {self.period:g}.")
+            raise UsageError(f"period: must be zero or a positive number of seconds, got {self.period:g}.")
         if self.seed < 0:
-            raise UsageError(f"seed: zero or a positive whole number, not {self.seed}.")
+            raise UsageError(f"seed: must be zero or a positive whole number, got {self.seed}.")
 
     @property
     def effort(self) -> Effort:

@@ -10,7 +10,6 @@ from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
 from skillctl.model.joint import JointMixture, joint_mixture
 from skillctl.model.skill import Kind, Skill
-from skillctl.model.space import Space
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, Provenance
@@ -64,6 +63,23 @@ class Node:
     parts: tuple[Node, ...]
 
 
+@dataclass(frozen=True)
+class StateMeaning:
+    """What the numbers of a state mean.
+
+    Attributes:
+        names: One name per coordinate.
+        unit: Unit of a position, ``m`` or ``rad``; velocities are per second.
+        frame: Frame in which positions are given.
+        kind: Which space of states it is.
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    frame: str
+    kind: str
+
+
 @dataclass(frozen=True, eq=False)
 class InspectReport:
     """What an artifact holds.
@@ -85,7 +101,7 @@ class InspectReport:
     path: Path
     digest: str
     kind: Kind
-    space: Space
+    space: StateMeaning
     tree: Node
     leaves: tuple[Leaf, ...]
     certificate: Certificate
@@ -116,7 +132,7 @@ def inspect(
         UsageError: A position of another dimension, or not finite.
     """
     source = open_skill(reference, store, lock)
-    artifact, skill = source.artifact, source.skill
+    artifact, skill, space = source.artifact, source.skill, source.skill.space
     tree = _node(skill, 1.0)
     certificate = certify(skill, digest=artifact.digest)
     return InspectReport(
@@ -124,7 +140,7 @@ def inspect(
         path=source.located.path,
         digest=artifact.digest,
         kind=tree.kind,
-        space=skill.space,
+        space=StateMeaning(space.names, space.unit, space.frame, space.kind),
         tree=tree,
         leaves=_leaves(artifact),
         certificate=certificate,

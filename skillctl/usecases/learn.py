@@ -65,7 +65,8 @@ class LearnReport(MakeReport):
         n_components, dimension, unit: Of the skill; unit of a position, ``m`` or ``rad``.
         attractor: Where it ends, in that unit.
         demonstrations: How well it repeats each one.
-        converged: Whether the last stage of learning converged; stability does not need it.
+        converged: Whether the last stage of learning converged; stability does not need it. None where an
+            older artifact does not say.
         stages: How each stage of learning ended, in words.
         held_out: Errors on demonstrations left out, if they were asked for.
     """
@@ -75,7 +76,7 @@ class LearnReport(MakeReport):
     unit: str
     attractor: tuple[float, ...]
     demonstrations: tuple[DemonstrationReport, ...]
-    converged: bool
+    converged: bool | None
     stages: tuple[str, ...]
     held_out: HeldOut | None
 
@@ -187,7 +188,7 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
         unit=skill.space.unit,
         attractor=tuple(skill.attractors[0].tolist()),
         demonstrations=artifact.reports,
-        converged=bool(results.get("converged")),
+        converged=cast("bool | None", results.get("converged")),
         stages=cast("tuple[str, ...]", results.get("stages", ())),
         held_out=HeldOut.recorded(results),
     )

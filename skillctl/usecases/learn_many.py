@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -11,7 +11,7 @@ from skillctl.errors import SkillctlError, StoreError
 from skillctl.progress import Progress
 from skillctl.store import locate_store
 from skillctl.usecases.learn import Learned, LearnReport, LearnRequest, finish, prepare
-from skillctl.usecases.manifest import Manifest, read_manifest
+from skillctl.usecases.manifest import SkillEntry, read_manifest
 from skillctl.usecases.target import finish_target
 from skillctl.workers import WorkerDied, Workers
 
@@ -75,37 +75,35 @@ def learn_many(
         NotFoundError: There is no manifest, or no such cluster.
         InputDataError: The manifest is none; nothing is learned.
     """
-    listed = read_manifest(Path(manifest))
+    entries = read_manifest(Path(manifest))
     # Found here, whatever the surroundings of workers say; files need none.
-    place = locate_store(store) if any(entry.result.name for entry in listed.skills) else None
-    asked = [_request(listed, number, place, force) for number in range(len(listed.skills))]
-    requests = {number: each for number, each in enumerate(asked) if isinstance(each, LearnRequest)}
-    outcomes = {
-        number: _failed(listed, number, each)
-        for number, each in enumerate(asked)
-        if isinstance(each, SkillctlError)
-    }
+    place = locate_store(store) if any(entry.result.name for entry in entries) else None
+    requests: dict[int, LearnRequest] = {}
+    outcomes: dict[int, SkillOutcome] = {}
+    for number, entry in enumerate(entries):
+        try:
+            requests[number] = entry.request(place, force)
+        except SkillctlError as error:
+            outcomes[number] = _failed(entry, error)
     numbers = list(requests)
 
     def done(position: int, made: Learned | SkillctlError | WorkerDied) -> None:
         number = numbers[position]
-        outcome = outcomes[number] = _outcome(listed, number, requests[number], made)
+        outcome = outcomes[number] = _outcome(entries[number], requests[number], made)
         if progress is not None:
-            progress(f"{outcome.skill} {outcome.outcome}", len(outcomes), len(asked))
+            progress(f"{outcome.skill} {outcome.outcome}", len(outcomes), len(entries))
 
     if progress is not None:
-        progress("starting", len(outcomes), len(asked))
+        progress("starting", len(outcomes), len(entries))
     (workers or Workers()).run(_made, list(requests.values()), done=done)
-    return _report(listed, [outcomes[number] for number in range(len(asked))])
-
-
-def _request(
-    manifest: Manifest, number: int, store: Path | None, force: bool
-) -> LearnRequest | SkillctlError:
-    try:
-        return manifest.request(manifest.skills[number], store, force)
-    except SkillctlError as error:
-        return error
+    counts = Counter(each.outcome for each in outcomes.values())
+    return LearnManyReport(
+        manifest=Path(manifest),
+        skills=tuple(outcomes[number] for number in range(len(entries))),
+        learned=counts["learned"],
+        up_to_date=counts["up to date"],
+        failed=counts["failed"],
+    )
 
 
 def _made(request: LearnRequest) -> Learned | SkillctlError:
@@ -117,7 +115,7 @@ def _made(request: LearnRequest) -> Learned | SkillctlError:
 
 
 def _outcome(
-    manifest: Manifest, number: int, request: LearnRequest, made: Learned | SkillctlError | WorkerDied
+    entry: SkillEntry, request: LearnRequest, made: Learned | SkillctlError | WorkerDied
 ) -> SkillOutcome:
     """Write what was made, and say what became of it."""
     if isinstance(made, WorkerDied):
@@ -126,29 +124,16 @@ def _outcome(
             hint="Learn it by itself, or use fewer --jobs.",
         )
     if isinstance(made, SkillctlError):
-        return _failed(manifest, number, made)
+        return _failed(entry, made)
     try:
         report = finish(request, made)
         finish_target(request.destination.file, request.paths, created=report.written.created)
     except SkillctlError as error:
-        return _failed(manifest, number, error)
-    outcome: Outcome = "learned" if report.status == "learned" else "up to date"
-    return SkillOutcome(manifest.skills[number].called, outcome, report, None)
+        return _failed(entry, error)
+    return SkillOutcome(entry.called, "learned" if report.status == "learned" else "up to date", report, None)
 
 
-def _failed(manifest: Manifest, number: int, error: SkillctlError) -> SkillOutcome:
-    """Return the outcome of a skill that could not be learned; its error says which one it is."""
-    called = manifest.skills[number].called
-    error.args = (f"{called}: {error}", *error.args[1:])
-    return SkillOutcome(called, "failed", None, error)
-
-
-def _report(manifest: Manifest, outcomes: Sequence[SkillOutcome]) -> LearnManyReport:
-    counts = {kind: sum(each.outcome == kind for each in outcomes) for kind in ("learned", "up to date")}
-    return LearnManyReport(
-        manifest=manifest.path,
-        skills=tuple(outcomes),
-        learned=counts["learned"],
-        up_to_date=counts["up to date"],
-        failed=len(outcomes) - sum(counts.values()),
-    )
+def _failed(entry: SkillEntry, error: SkillctlError) -> SkillOutcome:
+    """Return the outcome of a skill that could not be learned; its error names the skill."""
+    error.args = (f"{entry.called}: {error}", *error.args[1:])
+    return SkillOutcome(entry.called, "failed", None, error)

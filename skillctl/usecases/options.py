@@ -32,7 +32,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Validation:
-    """Whether a new skill is also judged by what it was not shown.
+    """Whether a new skill is also judged by demonstrations that it was not learned from.
 
     Attributes:
         validate: Learn with each demonstration left out, and report the error on it.

@@ -1,4 +1,4 @@
-"""The whole story on an example: demonstrations, skills, skills from skills, proofs, a simulated arm."""
+"""Every step on an example: demonstrations, skills, skills from skills, proofs, a simulated arm."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from skillctl.compose.options import CombineOptions, MergeOptions
@@ -19,8 +19,9 @@ from skillctl.simulation.scenario import Scenario
 from skillctl.stability.report import Verdict
 from skillctl.usecases.combine import combine
 from skillctl.usecases.learn import learn
+from skillctl.usecases.make import MakeReport
 from skillctl.usecases.merge import merge
-from skillctl.usecases.simulate import SimulateReport, simulate
+from skillctl.usecases.simulate import simulate
 from skillctl.usecases.verify_stability import verify
 
 DEMONSTRATIONS, STORE, PICTURE = Path("demonstrations"), Path("skills"), Path("shelf.png")
@@ -51,9 +52,9 @@ class SkillSummary:
     verdict: Verdict
     rate: float | None
     period: float | None
-    outcome: str | None
-    final_error: float | None
-    time_to_target: float | None
+    outcome: str | None = None
+    final_error: float | None = None
+    time_to_target: float | None = None
 
 
 @dataclass(frozen=True)
@@ -101,14 +102,13 @@ def quickstart(
     with _working_in(directory):
         session = _Session(announce, progress)
         session.say("cd", shlex.quote(str(directory)))
-        _write_demonstrations()
-        session.make_skills()
+        session.learn_all()
+        session.merge_and_combine()
         session.verify_all()
         session.simulate_all()
-    picture = directory / PICTURE if session.episodes else None
-    return QuickstartReport(
-        directory, tuple(session.commands), session.summaries(), picture, tuple(session.notes)
-    )
+    commands, skills = tuple(session.commands), tuple(session.skills.values())
+    picture = directory / PICTURE if any(skill.outcome for skill in skills) else None
+    return QuickstartReport(directory, commands, skills, picture, tuple(session.notes))
 
 
 @dataclass(eq=False)
@@ -118,72 +118,60 @@ class _Session:
     announce: Announce
     progress: Progress | None
     commands: list[str] = field(default_factory=list)
-    made: dict[str, tuple[str, str, float | None]] = field(default_factory=dict)  # name → skill, by, DTW
-    verdicts: dict[str, tuple[Verdict, float | None, float | None]] = field(default_factory=dict)
-    episodes: dict[str, SimulateReport] = field(default_factory=dict)
+    skills: dict[str, SkillSummary] = field(default_factory=dict)  # by name
     notes: list[str] = field(default_factory=list)
 
     def say(self, *words: str) -> None:
         self.commands.append(" ".join(words))
         self.announce(self.commands[-1])
 
-    def make_skills(self) -> None:
+    def made(self, name: str, command: str, report: MakeReport, dtw: float | None = None) -> None:
+        proved = report.certificate
+        self.skills[name] = SkillSummary(
+            report.written.skill, command, dtw, proved.verdict, proved.rate, proved.period
+        )
+
+    def learn_all(self) -> None:
         for task in TASKS:
+            (folder := DEMONSTRATIONS / task).mkdir(parents=True, exist_ok=True)
+            for number, demonstration in enumerate(reaching_demonstrations(task), start=1):
+                write_csv(demonstration, folder / f"{number}.csv")
             self.say("skillctl learn", f"{DEMONSTRATIONS}/{task}/*.csv", "--name", task)
-            report = learn(
-                sorted((DEMONSTRATIONS / task).glob("*.csv")), name=task, store=STORE, progress=self.progress
-            )
-            self.made[task] = (report.written.skill, "learn", mean_dtw(report.demonstrations))
+            report = learn(sorted(folder.glob("*.csv")), name=task, store=STORE, progress=self.progress)
+            self.made(task, "learn", report, mean_dtw(report.demonstrations))
+
+    def merge_and_combine(self) -> None:
         for name, parts in MERGED.items():
             target = tuple(target_of(name).tolist())
             self.say("skillctl merge", *parts, "--target", _typed(target), "--name", name)
             options = MergeOptions(target=target)
             merged = merge(parts, name=name, store=STORE, options=options, progress=self.progress)
-            self.made[name] = (merged.written.skill, "merge", None)
+            self.made(name, "merge", merged)
         target = tuple(target_of("top-centre").tolist())
         self.say("skillctl combine", *COMBINED, "--align", "--target", _typed(target), "--name", SHELF)
-        aligned = CombineOptions(align=True, target=target)
-        combined = combine(COMBINED, name=SHELF, store=STORE, options=aligned)
-        self.made[SHELF] = (combined.written.skill, "combine", None)
+        combining = CombineOptions(align=True, target=target)
+        self.made(SHELF, "combine", combine(COMBINED, name=SHELF, store=STORE, options=combining))
 
     def verify_all(self) -> None:
-        self.say("skillctl verify-stability", *self.made)
-        for name in self.made:
-            certificate = verify(name, store=STORE)
-            self.verdicts[name] = (certificate.verdict, certificate.rate, certificate.period)
+        self.say("skillctl verify-stability", *self.skills)
+        for name, skill in self.skills.items():
+            proved = verify(name, store=STORE)
+            self.skills[name] = replace(skill, verdict=proved.verdict, rate=proved.rate, period=proved.period)
 
     def simulate_all(self) -> None:
-        for name in self.made:
+        for name, skill in self.skills.items():
             picture = PICTURE if name == SHELF else None
             drawn = ("--picture", str(picture)) if picture else ()
             self.say("skillctl simulate", name, "--start", _typed(START), *drawn)
+            scenario = Scenario(start=START)
             try:
-                self.episodes[name] = simulate(
-                    name, Scenario(start=START), picture=picture, store=STORE, progress=self.progress
-                )
+                run = simulate(name, scenario, picture=picture, store=STORE, progress=self.progress)
             except NotFoundError as error:  # without a simulator everything else still stands
                 self.commands.pop()
                 self.notes.append(f"nothing was simulated: {error} {error.hint}".strip())
                 return
-
-    def summaries(self) -> tuple[SkillSummary, ...]:
-        return tuple(self._summary(name) for name in self.made)
-
-    def _summary(self, name: str) -> SkillSummary:
-        skill, made_by, dtw = self.made[name]
-        verdict, rate, period = self.verdicts[name]
-        episode = self.episodes.get(name)
-        return SkillSummary(
-            skill=skill,
-            made_by=made_by,
-            dtw=dtw,
-            verdict=verdict,
-            rate=rate,
-            period=period,
-            outcome=episode.outcome if episode else None,
-            final_error=episode.metrics.final_error if episode else None,
-            time_to_target=episode.metrics.time_to_target if episode else None,
-        )
+            off, time = run.metrics.final_error, run.metrics.time_to_target
+            self.skills[name] = replace(skill, outcome=run.outcome, final_error=off, time_to_target=time)
 
 
 def _typed(values: tuple[float, ...]) -> str:
@@ -191,26 +179,16 @@ def _typed(values: tuple[float, ...]) -> str:
     return ",".join(f"{value:g}" for value in values)
 
 
-def _write_demonstrations() -> None:
-    for task in TASKS:
-        (DEMONSTRATIONS / task).mkdir(parents=True, exist_ok=True)
-        for number, demonstration in enumerate(reaching_demonstrations(task), start=1):
-            write_csv(demonstration, DEMONSTRATIONS / task / f"{number}.csv")
-
-
 def _require_free(directory: Path) -> None:
     """Raise UsageError unless the directory is missing, empty, or holds an earlier quickstart alone."""
     if not directory.exists():
         return
+    problem = "" if directory.is_dir() else "is not a directory"
     ours = {str(DEMONSTRATIONS), str(STORE), str(PICTURE)}
-    foreign = (
-        []
-        if not directory.is_dir()
-        else [entry.name for entry in directory.iterdir() if entry.name not in ours]
-    )
-    if foreign or not directory.is_dir():
-        what = f"not empty: it holds {sorted(foreign)[0]}" if foreign else "not a directory"
-        raise UsageError(f"{directory}: {what}.", hint="Name a new directory: skillctl quickstart DIR")
+    if not problem and (foreign := {entry.name for entry in directory.iterdir()} - ours):
+        problem = f"is not empty: it holds {min(foreign)}"
+    if problem:
+        raise UsageError(f"{directory} {problem}.", hint="Name a new directory: skillctl quickstart DIR")
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from skillctl.cli.app import COMMANDS
-from skillctl.cli.documents import OUTPUTS, schema_of_output
+from skillctl.cli.schema import OUTPUTS, schema_of_output
 from skillctl.cli.schemas import described_attributes, schemas_of
 from skillctl.usecases.files import load, save
 

@@ -189,7 +189,7 @@ def test_the_command_shows_the_errors_and_refuses_lonely_options(run, task_files
     ):
         refused = run("merge", "curve", "hook", *words, "--store", library, "-o", tmp_path / "x.h5")
         assert (refused.exit_code, refused.stdout) == (2, "")
-        assert f"{words[0]}: only with --fit" in refused.stderr
+        assert f"{words[0]} is only used with --fit" in refused.stderr
     assert run("merge", "-o", tmp_path / "x.h5").exit_code == 2
 
 

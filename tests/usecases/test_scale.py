@@ -101,7 +101,7 @@ def test_a_batch_writes_what_learn_writes_and_goes_on_after_bad_ones(project: Pa
         output="hook.h5",
         note="two of them",
         options=LearnOptions(preset="fast", n_components=2, metric="euclidean"),
-        reading=read_manifest(Path("many.toml")).skills[2].reading,
+        reading=read_manifest(Path("many.toml"))[2].reading,
     )
     assert made(project) == batch
 
@@ -279,7 +279,7 @@ def test_files_are_relative_to_the_manifest(project: Path, monkeypatch: pytest.M
         ("[skills", "is not TOML"),
         ("", "skills: is missing."),
         ("options = 3\n[[skills]]\nname='a'\ndata='x'", "options: must be a table [options], got 3."),
-        ("[options]\nname = 'a'\n[[skills]]\ndata='x'", "options: name: stands in [[skills]]"),
+        ("[options]\nname = 'a'\n[[skills]]\ndata='x'", "options: name: must be given in [[skills]]"),
         ("[[skills]]\nname='a'", "skill 1: data: is missing."),
         ("[[skills]]\nname='a'\ndata=[]", "skill 1: data: must not be empty, got []."),
         ("[[skills]]\nname='a'\ndata=['x', 3]", "skill 1: data: number 2 must be a text, got 3."),
@@ -289,7 +289,10 @@ def test_files_are_relative_to_the_manifest(project: Path, monkeypatch: pytest.M
             "[[skills]]\ndata='x'\nname='a'\nunits='cm'",
             "skill 1: units: must be 'm', 'mm' or 'rad', got 'cm'.",
         ),
-        ("[[skills]]\ndata='x'\nname='a'\nslowest-rate=3", "skill 1: slowest rate: above 0 and at most 1"),
+        (
+            "[[skills]]\ndata='x'\nname='a'\nslowest-rate=3",
+            "skill 1: slowest rate: must be above 0 and at most 1",
+        ),
         ("[[skills]]\ndata='x'\nname='a'\nslowest_rate=0.1", "Did you mean slowest-rate?"),
         ("[[skills]]\ndata='x'\nname='a'\ndemos='3-1'", "skill 1: demos: '3-1' is not a list of numbers"),
         ("[[skills]]\ndata='x'\nname='a'\nvalidate=1", "skill 1: validate: must be true or false, got 1."),
@@ -315,7 +318,7 @@ def test_a_manifest_that_means_nothing_is_refused_before_anything_is_learned(
 def test_a_manifest_knows_the_options_of_learn_and_their_defaults(tmp_path: Path) -> None:
     """What a command takes and a manifest does not is about one run, and not about one skill."""
     from skillctl.cli.app import load_command
-    from skillctl.cli.learn_batch import FOR_ALL
+    from skillctl.cli.learn import FOR_ALL
 
     per_run = {"depfile", "if-changed"}  # a build tool's, about one target
     options = {
@@ -326,7 +329,7 @@ def test_a_manifest_knows_the_options_of_learn_and_their_defaults(tmp_path: Path
     keys = {field.alias or name for name, field in manifest.Skill.model_fields.items()}
     assert set(options) - per_run == keys - {"data"}
     (file := tmp_path / "m.toml").write_text("[[skills]]\ndata = 'x'\nname = 'a'\n")
-    (entry,) = read_manifest(file).skills
+    (entry,) = read_manifest(file)
     assert (entry.learning, entry.reading) == (LearnOptions(), Reading())
 
 
