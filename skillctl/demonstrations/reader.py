@@ -11,10 +11,10 @@ from pathlib import Path
 from skillctl.demonstrations.checks import prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
 from skillctl.demonstrations.formats import format_of, named
-from skillctl.demonstrations.recording import Recording, Unit, column_indices, default_names, listed
+from skillctl.demonstrations.recording import Recording, Unit, column_indices, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.space import AXIS_NAMES, Euclidean
+from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import InputDataError, UsageError, printable
-from skillctl.model.space import Euclidean
+from skillctl.model.space import default_names
 
 Unit: TypeAlias = Literal["m", "mm", "rad"]
 
@@ -63,13 +63,6 @@ class Recording:
         """Return the name of a dimension for messages."""
         names = self.names or default_names(self.positions.shape[1], self.unit)
         return f"column '{printable(names[dimension])}'"
-
-
-def default_names(dimension: int, unit: Unit) -> tuple[str, ...]:
-    """Return x, y, z in Cartesian space and q1 … qd for joints."""
-    if unit == "rad":
-        return tuple(f"q{i + 1}" for i in range(dimension))
-    return Euclidean.cartesian(dimension).names
 
 
 def uniform_times(period: float, samples: int) -> FloatArray:

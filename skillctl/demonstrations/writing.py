@@ -8,7 +8,7 @@ import numpy as np
 
 from skillctl.errors import StoreError
 from skillctl.model.demonstration import Demonstration
-from skillctl.model.space import Euclidean
+from skillctl.model.space import default_names
 
 DECIMALS = 5  # 10 µm, 10 µs: finer than any recording
 
@@ -21,7 +21,7 @@ def write_csv(demonstration: Demonstration, path: Path) -> None:
     Raises:
         StoreError: The file cannot be written.
     """
-    names = Euclidean.cartesian(demonstration.dimension).names
+    names = default_names(demonstration.dimension)
     table = np.column_stack([demonstration.times, demonstration.positions])
     table = np.round(table, DECIMALS) + 0.0  # + 0.0 turns −0.0 into 0.0
     lines = [",".join(("t", *names))]

@@ -16,6 +16,13 @@ from skillctl.errors import StateError
 AXIS_NAMES = ("x", "y", "z")
 
 
+def default_names(dimension: int, unit: str = "m") -> tuple[str, ...]:
+    """Return x, y, z for positions, and q1 … qd for joints (``rad``) or more than three dimensions."""
+    if unit != "rad" and dimension <= len(AXIS_NAMES):
+        return AXIS_NAMES[:dimension]
+    return tuple(f"q{i + 1}" for i in range(dimension))
+
+
 class Space(ABC):
     """A space of states. A new kind of space is one subclass.
 
@@ -99,7 +106,5 @@ class Euclidean(Space):
 
     @classmethod
     def cartesian(cls, dimension: int) -> Euclidean:
-        """Return the space of positions x, y, z in metres (or q1 … qd beyond three dimensions)."""
-        if dimension <= len(AXIS_NAMES):
-            return cls(AXIS_NAMES[:dimension])
-        return cls(tuple(f"q{i + 1}" for i in range(dimension)))
+        """Return the space of positions in metres, with the default names."""
+        return cls(default_names(dimension))

@@ -14,7 +14,7 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import Skill
-from skillctl.model.space import Euclidean
+from skillctl.model.space import Euclidean, Space
 from skillctl.store.canonical import dump_canonical, load_strict
 from skillctl.store.errors import LaterFeature, Refusal
 from skillctl.store.layout import META, Array, content_digest
@@ -199,7 +199,7 @@ def _demonstration_arrays(artifact: Artifact) -> dict[str, Array]:
 
 
 def _demonstrations_of(
-    arrays: Mapping[str, Array], sources: tuple[str, ...], n_leaves: int, space: Euclidean
+    arrays: Mapping[str, Array], sources: tuple[str, ...], n_leaves: int, space: Space
 ) -> tuple[DemonstrationSet | None, ...]:
     if "demonstrations/part" not in arrays:
         if sources:
