@@ -56,10 +56,10 @@ def run() -> Run:
 def shell(tmp_path: Path) -> Shell:
     """Call the command line in a process of its own, in a new directory."""
 
-    def call(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    def call(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
         settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 120, **options}
         command = [sys.executable, "-m", "skillctl", *map(str, arguments)]
-        return subprocess.run(command, check=False, **settings)  # type: ignore[call-overload]
+        return subprocess.run(command, check=False, **settings)
 
     return call
 

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
-from dataclasses import replace
 from io import BytesIO
 
 import h5py
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 from h5py import h5d, h5g, h5p, h5s, h5t
 
-from skillctl.usecases.files import load, save
+from skillctl.usecases.files import load
 
 MEANS = "model/means"
 
@@ -246,12 +245,10 @@ def test_a_refusal_as_json_is_one_document_without_control_characters(run, good,
     ],
     ids=["zero", "turns", "singular", "rounds to definite", "smallest positive"],
 )
-def test_what_is_almost_stable_is_read_and_not_proved(run, library, tmp_path, matrix):
-    skill = load("plain", store=library)  # P = I, so the symmetric part of A decides
-    assert (skill.lyapunov == np.eye(2)).all()
-    matrices = skill.system_matrices.copy()
-    matrices[0] = matrix
-    path = save(replace(skill, system_matrices=matrices), tmp_path / "edge.h5")
+def test_what_is_almost_stable_is_read_and_not_proved(run, library, tmp_path, save_with_matrix, matrix):
+    (leaf,) = load(library / "plain" / "1.h5").leaves
+    assert (leaf.lyapunov == np.eye(2)).all()  # so the symmetric part of A decides
+    path = save_with_matrix("plain", 0, matrix, tmp_path / "edge.h5")
     assert run("inspect", path).exit_code == 0
     result = run("verify-stability", path)
     assert (result.exit_code, result.stderr) == (1, "")

@@ -6,13 +6,11 @@ import importlib.util
 import json
 import os
 import pty
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from skillctl.cli.render import SCHEMA_VERSION
-from skillctl.usecases.files import load, save
 
 needs_pybullet = pytest.mark.skipif(
     importlib.util.find_spec("pybullet") is None, reason="PyBullet has no wheel for this Python"
@@ -144,14 +142,12 @@ def test_inspect_shows_everything_and_json_the_numbers(run, library, tmp_path):
     assert report["certificate"]["digest"] == report["digest"]
 
 
-def test_verify_stability_exits_zero_only_when_all_are_proved(run, library, tmp_path):
+def test_verify_stability_exits_zero_only_when_all_are_proved(run, library, tmp_path, save_with_matrix):
     result = run("verify-stability", "curve", "hook", "reach", "--store", library)
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.count("stable") == 3
-    skill = load("curve", store=library)
-    matrices = skill.system_matrices.copy()
-    matrices[1] = np.diag([-1.0, 1e-9])  # barely, and only this one
-    save(replace(skill, system_matrices=matrices), tmp_path / "bad.h5")
+    barely = np.diag([-1.0, 1e-9])  # and only this one
+    save_with_matrix("curve", 1, barely, tmp_path / "bad.h5")
     result = run("verify-stability", "curve", tmp_path / "bad.h5", "--store", library)
     assert (result.exit_code, result.stderr) == (1, "")
     assert "not proved" in result.stdout

@@ -6,7 +6,6 @@ import copy
 import importlib.util
 import json
 import shutil
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -97,7 +96,7 @@ def validator(name):
 
 
 @pytest.fixture(scope="module")
-def documents(library, curve_files, tmp_path_factory):
+def documents(library, curve_files, tmp_path_factory, save_with_matrix):
     """What every run of the table printed: (name, command line, exit code, document)."""
     from typer.testing import CliRunner
 
@@ -108,9 +107,7 @@ def documents(library, curve_files, tmp_path_factory):
     for name in ("1.h5", "2.h5"):
         (here / "shop" / "a").mkdir(parents=True, exist_ok=True)
         save(skill, here / "shop" / "a" / name)
-    matrices = skill.system_matrices.copy()
-    matrices[0] = np.eye(2)
-    save(replace(skill, system_matrices=matrices), here / "unstable.h5")
+    save_with_matrix("curve", 0, np.eye(2), here / "unstable.h5")
     shutil.copytree(library, here / "signed")
     (here / "batch").mkdir()
     (here / "many.toml").write_text(

@@ -15,7 +15,6 @@ import os
 import re
 import shlex
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +49,7 @@ TABLES = {
 }
 
 
-def _place(folder, library, curve_files, reach_files):
+def _place(folder, library, curve_files, reach_files, save_with_matrix):
     """Make the files that the command lines of the golden file speak of."""
     for name in ("curve", "hook", "plain", "reach"):  # other tests may have left more in there
         shutil.copytree(library / name, folder / "skills" / name)
@@ -67,19 +66,16 @@ def _place(folder, library, curve_files, reach_files):
     (folder / "flipped.h5").write_bytes(data)
     (folder / "skills" / "reach" / "refs.toml").write_text("[aliases]\nrelease = 1\n")
     (folder / "skills" / "plain" / "refs.toml").write_text("<<<<<<< ours\n")
-    curve, hook = load(folder / "skills/curve/1.h5"), load(folder / "skills/hook/1.h5")
-    matrices = curve.system_matrices.copy()
-    matrices[0] = np.eye(2)
-    save(replace(curve, system_matrices=matrices), folder / "unstable.h5")
+    save_with_matrix("curve", 0, np.eye(2), folder / "unstable.h5")
     from skillctl.compose.combine import combine
 
-    save(combine([curve, hook]), folder / "either.h5")
+    save(combine([load(folder / f"skills/{name}/1.h5") for name in ("curve", "hook")]), folder / "either.h5")
 
 
 @pytest.fixture(scope="module")
-def place(library, curve_files, reach_files, tmp_path_factory):
+def place(library, curve_files, reach_files, tmp_path_factory, save_with_matrix):
     folder = tmp_path_factory.mktemp("messages")
-    _place(folder, library, curve_files, reach_files)
+    _place(folder, library, curve_files, reach_files, save_with_matrix)
     return folder
 
 

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import sarif_pydantic
 from junitparser import Error, Failure, JUnitXml
 
+from skillctl.compose.options import CombineOptions
 from skillctl.store.source import open_skill
-from skillctl.usecases.combine import CombineOptions, combine
-from skillctl.usecases.files import load, save
+from skillctl.usecases.combine import combine
 
 
 @pytest.fixture
-def mixed(library, tmp_path):
+def mixed(library, tmp_path, save_with_matrix):
     """Four references: proved, not proved, unreadable, and not there."""
-    skill = load("curve", store=library)
-    matrices = skill.system_matrices.copy()
-    matrices[1] = np.diag([-1.0, 1e-9])
-    save(replace(skill, system_matrices=matrices), tmp_path / "bad%,:.h5")
+    save_with_matrix("curve", 1, np.diag([-1.0, 1e-9]), tmp_path / "bad%,:.h5")
     (tmp_path / "noise\x1b.h5").write_text("x")
     return [
         "curve",

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from skillctl import store
-from skillctl.store.seal import FORMAT_VERSION
+from skillctl.store.migrations import FORMAT_VERSION
 from skillctl.usecases.files import load, save
 
 

@@ -75,7 +75,7 @@ def test_random_families_agree_with_a_convex_solver():
             continue
         p, t = cvxpy.Variable((d, d), symmetric=True), cvxpy.Variable()
         scaled = matrices / np.linalg.norm(matrices, 2, axis=(1, 2)).max()
-        constraints = [p >> 0, cvxpy.trace(p) == d]  # type: ignore[attr-defined]
+        constraints = [p >> 0, cvxpy.trace(p) == d]
         constraints += [-(p @ a + a.T @ p) >> t * np.eye(d) for a in scaled]
         cvxpy.Problem(cvxpy.Maximize(t), constraints).solve(solver=cvxpy.CLARABEL)
         if abs(t.value) < 1e-6:  # the other solver's own accuracy does not decide these
@@ -190,7 +190,7 @@ def test_families_keep_a_period_wherever_a_convex_solver_finds_one():
         p, t = cvxpy.Variable((d, d), symmetric=True), cvxpy.Variable()
         size = np.linalg.norm(matrices, 2, axis=(1, 2)).max()
         scaled, step = matrices / size, period * size
-        constraints = [p >> 0, cvxpy.trace(p) == d]  # type: ignore[attr-defined]
+        constraints = [p >> 0, cvxpy.trace(p) == d]
         constraints += [-(p @ a + a.T @ p + step * a.T @ p @ a) >> t * np.eye(d) for a in scaled]
         cvxpy.Problem(cvxpy.Maximize(t), constraints).solve(solver=cvxpy.CLARABEL)
         if abs(t.value) < 1e-5:

@@ -72,7 +72,7 @@ def test_the_euclidean_metric_is_the_papers_condition(curved: Curved) -> None:
 
 @pytest.mark.parametrize("objective", ["likelihood", "mse", "reproduction"])
 def test_every_objective_gives_a_stable_skill_that_arrives(curved: Curved, objective: str) -> None:
-    result = fit(curved(), LearnOptions(objective=objective, preset="fast"))  # type: ignore[arg-type]
+    result = fit(curved(), LearnOptions(objective=objective, preset="fast"))
     assert worst_slack(result.skill) > 0
     assert mean_distance(result.skill, result.demonstrations) < 0.05 * curved().extent
 
@@ -81,7 +81,7 @@ def test_reproduction_follows_the_motion_closer_than_velocities_alone(
     lasa: Callable[[str], DemonstrationSet],
 ) -> None:
     demonstrations = lasa("Sshape")
-    results = {name: fit(demonstrations, LearnOptions(objective=name)) for name in ("mse", "reproduction")}  # type: ignore[arg-type]
+    results = {name: fit(demonstrations, LearnOptions(objective=name)) for name in ("mse", "reproduction")}
     distances = {name: mean_distance(r.skill, r.demonstrations) for name, r in results.items()}
     assert distances["reproduction"] < distances["mse"]
 
@@ -213,7 +213,7 @@ def test_a_motion_that_contradicts_the_metric_is_warned_about(
     ],
 )
 def test_a_fit_says_how_its_stages_ended(curved: Curved, options: dict[str, str], stages: list[str]) -> None:
-    result = fit(curved(), replace(FAST, **options))  # type: ignore[arg-type]
+    result = fit(curved(), replace(FAST, **options))
     assert [stage.stage for stage in result.results] == stages
     assert result.converged is (result.results[-1].result is Result.CONVERGED)
     if result.results[-1].result is Result.OUT_OF_STEPS:
@@ -270,7 +270,7 @@ def test_only_a_fit_that_more_steps_would_improve_is_warned_about(
 )
 def test_bad_options_are_named(options: dict[str, object]) -> None:
     with pytest.raises(UsageError):
-        LearnOptions(**options)  # type: ignore[arg-type]
+        LearnOptions(**options)
 
 
 SCRIPT = """

@@ -60,7 +60,7 @@ def at(objective: Quadratic, matrix: np.ndarray, barrier: StabilityBarrier = WID
 
 
 def run(objective: Quadratic, state: State, steps: int, **options: float) -> tuple[State, Result, int]:
-    state, outcome = minimise(objective, state, steps, **options)  # type: ignore[arg-type]
+    state, outcome = minimise(objective, state, steps, **options)
     return state, outcome.result, outcome.steps
 
 
@@ -119,7 +119,7 @@ def test_an_optimiser_at_the_optimum_has_converged() -> None:
     state = at(objective, CENTRE)
     costs = [state.cost]
     _, outcome = minimise(
-        objective,  # type: ignore[arg-type]
+        objective,
         state,
         50,
         on_step=lambda _, cost: costs.append(cost),
@@ -136,7 +136,7 @@ def test_an_optimiser_out_of_steps_says_so_and_what_it_gained_last() -> None:
     state = at(objective, CENTRE)
     state.damping = 100.0
     costs = [state.cost]
-    _, outcome = minimise(objective, state, 5, on_step=lambda _, cost: costs.append(cost))  # type: ignore[arg-type]
+    _, outcome = minimise(objective, state, 5, on_step=lambda _, cost: costs.append(cost))
     assert (outcome.result, outcome.steps, outcome.stage) == (Result.OUT_OF_STEPS, 5, "polish")
     assert outcome.late_gain == (costs[2] - costs[5]) / costs[2]
 

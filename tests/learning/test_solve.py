@@ -40,7 +40,7 @@ def test_a_fit_that_exploits_its_own_step_size_is_polished_finer(curved: Curved)
     assert fine.evaluate(state.evaluation.field).cost <= fine.evaluate(unchecked).cost
 
 
-def optimise_without_check(data, barrier, mixtures, options):  # type: ignore[no-untyped-def]
+def optimise_without_check(data, barrier, mixtures, options):
     """The same probes and polish, written out without the check."""
     from skillctl.learning.levenberg import State, minimise
     from skillctl.learning.parameters import field_of

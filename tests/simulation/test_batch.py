@@ -70,7 +70,7 @@ def test_an_episode_that_cannot_begin_is_a_row_and_not_the_end(rows: tuple[Row, 
     assert len(refused) < len(rows)
     assert {row.outcome for row in refused} == {"unreachable"}
     assert all("start" in row.detail for row in refused)
-    far = {row.index for row in rows if row.scenario.start[0] > 1.0}  # type: ignore[index]
+    far = {row.index for row in rows if row.scenario.start[0] > 1.0}
     assert {row.index for row in refused} == far
     assert failures(rows)["unreachable"] == len(refused)
 

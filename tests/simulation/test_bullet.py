@@ -6,21 +6,25 @@ import ctypes
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 
 import pytest
 
 from skillctl.errors import NotFoundError
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.bullet import World, load_bullet, silenced
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 
+MakeLinear = Callable[..., SedsSkill]
+
 
 def test_without_pybullet_one_line_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, linear: object
+    monkeypatch: pytest.MonkeyPatch, linear: MakeLinear
 ) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)  # as if it were not installed
     with pytest.raises(NotFoundError, match="PyBullet is not installed") as refusal:
-        simulate(linear((0.5, 0.0, 0.5)), Scenario())  # type: ignore[operator]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario())
     assert "pip install '.[sim]'" in refusal.value.hint
     assert "\n" not in str(refusal.value) + refusal.value.hint
 
@@ -61,7 +65,7 @@ def test_silence_ends_with_an_exception(capfd: pytest.CaptureFixture[str]) -> No
     assert capfd.readouterr().out == "heard"
 
 
-def test_nothing_but_the_program_writes_to_its_standard_output(linear: object) -> None:
+def test_nothing_but_the_program_writes_to_its_standard_output(linear: MakeLinear) -> None:
     pytest.importorskip(
         "pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only"
     )
@@ -84,7 +88,7 @@ with silenced(1):
     ctypes.CDLL(None).puts(b"from C")
 print("last")
 """
-    skill = linear((0.5, 0.0, 0.5))  # type: ignore[operator]
+    skill = linear((0.5, 0.0, 0.5))
     prelude = f"""
 import sys, types
 import numpy as np

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.ik import Solution
 from skillctl.simulation.judge import Judge, Verdict
@@ -15,6 +17,7 @@ from skillctl.simulation.placement import Placement
 from skillctl.simulation.position import Follower
 from skillctl.simulation.scenario import MoveTarget, Scenario
 
+MakeLinear = Callable[..., SedsSkill]
 FORWARD = np.array([0.24, 0.0, 0.0])  # [m/s]: 1 mm per period
 STEP = FORWARD * CONTROL_PERIOD
 EPS = np.finfo(np.float64).eps
@@ -36,7 +39,7 @@ class Gantry:
 
 @pytest.fixture
 def follower() -> Follower:
-    return Follower(Gantry(), np.zeros(3))  # type: ignore[arg-type]
+    return Follower(Gantry(), np.zeros(3))
 
 
 def test_reference_and_joints_move_on_together(follower: Follower) -> None:
@@ -82,8 +85,8 @@ def test_the_reference_yields_to_a_hand_that_was_pushed(follower: Follower) -> N
 
 
 @pytest.fixture
-def motion(linear: object) -> Motion:
-    skill = linear((0.0, 0.0, 0.0))  # type: ignore[operator]
+def motion(linear: MakeLinear) -> Motion:
+    skill = linear((0.0, 0.0, 0.0))
     return Motion(skill, Placement(np.eye(3), np.zeros(3), 1.0, None), Scenario())
 
 

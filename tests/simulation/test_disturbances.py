@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.disturbances import Perception, Schedule, jumped, last_end
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Displace, MoveTarget, Push, Scenario
 
+MakeLinear = Callable[..., SedsSkill]
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
 EPS = np.finfo(np.float64).eps
 EVENTS = (
@@ -66,15 +70,15 @@ def test_without_noise_the_truth_is_seen() -> None:
 
 def test_a_moved_motion_is_the_same_motion_elsewhere(reach: object) -> None:
     offset, position = np.array([0.1, -0.2, 0.05]), np.array([0.42, -0.2, 0.45])
-    still, moved = (Motion(reach, HERE, Scenario()) for _ in range(2))  # type: ignore[arg-type]
+    still, moved = (Motion(reach, HERE, Scenario()) for _ in range(2))
     moved.move(offset)
     # Sums of magnitude 1 round by EPS; the skill is steeper than 10 /s nowhere.
     assert moved.velocity(position + offset) == pytest.approx(still.velocity(position), abs=32 * EPS)
     assert moved.target(position) == pytest.approx(still.target(position) + offset, abs=2 * EPS)
 
 
-def test_when_the_target_jumps_a_latched_skill_may_choose_again(linear: object) -> None:
-    left, right = (linear((0.5, y, 0.5), spread=0.1) for y in (0.2, -0.2))  # type: ignore[operator]
+def test_when_the_target_jumps_a_latched_skill_may_choose_again(linear: MakeLinear) -> None:
+    left, right = (linear((0.5, y, 0.5), spread=0.1) for y in (0.2, -0.2))
     skill = CombinedSkill((left, right), np.array([0.5, 0.5]), disturbance_distance=0.02)
     motion, position = Motion(skill, HERE, Scenario()), np.array([0.4, 0.02, 0.5])
     motion.velocity(position)

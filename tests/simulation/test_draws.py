@@ -27,15 +27,15 @@ def test_ranges_are_filled_evenly() -> None:
     cups = [drawn(scenario, i, NONE).cup for i in range(MANY)]
     assert None not in cups
     for values, low, high in (
-        ([cup.position[0] for cup in cups], 0.55, 0.65),  # type: ignore[union-attr]
-        ([cup.position[1] for cup in cups], -0.4, 0.4),  # type: ignore[union-attr]
-        ([cup.mass for cup in cups], 0.1, 0.5),  # type: ignore[union-attr]
+        ([cup.position[0] for cup in cups], 0.55, 0.65),
+        ([cup.position[1] for cup in cups], -0.4, 0.4),
+        ([cup.mass for cup in cups], 0.1, 0.5),
     ):
         assert low <= min(values) < max(values) <= high
         # A uniform mean has the standard deviation (high − low)/√(12 n); five of them are not exceeded.
         assert np.mean(values) == pytest.approx((low + high) / 2, abs=5 * (high - low) / np.sqrt(12 * MANY))
     # Independent of each other: the correlation of n pairs has the standard deviation 1/√n.
-    places = np.array([cup.position for cup in cups])  # type: ignore[union-attr]
+    places = np.array([cup.position for cup in cups])
     assert abs(np.corrcoef(places.T)[0, 1]) < 5 / np.sqrt(MANY)
 
 
@@ -154,7 +154,7 @@ def test_a_board_is_drawn_from_those_named_each_as_likely_as_the_next() -> None:
     plain = drawn(shelf(cup_y_range=(-0.4, 0.4)), 3, NONE).cup
     assert plain is not None
     assert plain.board == "top"
-    assert plain.position == cups[3].position  # type: ignore[union-attr]
+    assert plain.position == cups[3].position
     only = drawn(shelf(cup_y_range=(-0.4, 0.4), boards=("bottom",)), 3, NONE).cup
     assert only is not None
     assert only.board == "bottom"

@@ -33,7 +33,7 @@ def straight(linear: MakeLinear) -> SedsSkill:
 
 
 def at_the_shelf(**changes: object) -> Scenario:
-    return Scenario(**{"scene": SHELF, "target": "cup", "start": BEFORE, **changes})  # type: ignore[arg-type]
+    return Scenario(**{"scene": SHELF, "target": "cup", "start": BEFORE, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_a_grasp_can_be_repeated_to_the_last_bit(grasped: Episode, straight: Sed
     simulate(straight, at_the_shelf(max_duration=0.3))  # what ran before does not matter
     again = simulate(straight, grasped.scenario)
     for kind in ("csv", "h5"):
-        assert encode_log(again, kind) == encode_log(grasped, kind)  # type: ignore[arg-type]
+        assert encode_log(again, kind) == encode_log(grasped, kind)
 
 
 def test_a_cup_that_moves_is_followed_and_noise_is_borne(straight: SedsSkill) -> None:
@@ -133,7 +133,7 @@ def test_a_hand_that_is_taken_away_comes_back(linear: MakeLinear) -> None:
     away = {"kind": "displace", "time": 0.5, "offset": (0.0, 0.08, 0.05)}
     episode = simulate(
         linear((0.55, 0.0, 0.5)),
-        Scenario(start=(0.45, 0.0, 0.5), disturbances=(away,)),  # type: ignore[arg-type]
+        Scenario(start=(0.45, 0.0, 0.5), disturbances=(away,)),
     )
     jump = np.linalg.norm(np.diff(episode.series.hand, axis=0), axis=1)
     assert jump.argmax() == 120 - 1  # between 0.5 s and the row before
@@ -146,7 +146,7 @@ def test_a_hand_cannot_be_taken_out_of_reach(linear: MakeLinear) -> None:
     away = {"kind": "displace", "time": 0.1, "offset": (2.0, 0.0, 0.0)}
     episode = simulate(
         linear((0.55, 0.0, 0.5)),
-        Scenario(start=(0.45, 0.0, 0.5), disturbances=(away,)),  # type: ignore[arg-type]
+        Scenario(start=(0.45, 0.0, 0.5), disturbances=(away,)),
     )
     assert episode.outcome == "unreachable"
     assert re.fullmatch(r"no joints put the displaced hand at \(2\.\d\d, .*\) m", episode.detail)
@@ -200,7 +200,7 @@ def test_several_targets_cannot_all_be_the_cup(linear: MakeLinear) -> None:
 
 
 def test_without_a_start_the_hand_begins_before_the_scene(straight: SedsSkill) -> None:
-    episode = simulate(straight, Scenario(scene={"kind": "table"}, target="cup"))  # type: ignore[arg-type]
+    episode = simulate(straight, Scenario(scene={"kind": "table"}, target="cup"))
     assert episode.series.hand[0] == pytest.approx([0.35, 0.0, 0.55], abs=1e-3)
     assert episode.outcome == "grasped"
 
@@ -208,7 +208,7 @@ def test_without_a_start_the_hand_begins_before_the_scene(straight: SedsSkill) -
 def test_a_2d_skill_takes_its_plane_to_the_cup(stroke: SedsSkill) -> None:
     episode = simulate(
         stroke,
-        Scenario(scene={"kind": "table"}, target="cup", plane="xz", scale=1.0, start=(-0.08, 0.03)),  # type: ignore[arg-type]
+        Scenario(scene={"kind": "table"}, target="cup", plane="xz", scale=1.0, start=(-0.08, 0.03)),
     )
     placement = episode.setup.placement
     assert placement.to_workspace(stroke.attractor) == pytest.approx([0.62, 0.0, 0.48], abs=1e-12)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,6 +14,7 @@ from skillctl.simulation.motion import Motion, plan_motion
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
+MakeLinear = Callable[..., SedsSkill]
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
 EPS = np.finfo(np.float64).eps
 ROUNDING = 4 * EPS / CONTROL_PERIOD  # [m/s]: speeds are read off positions below 1 m
@@ -21,9 +24,9 @@ def speeds_of(positions: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.diff(positions, axis=0), axis=1) / CONTROL_PERIOD
 
 
-def test_the_plan_keeps_to_speed_and_acceleration(linear: object) -> None:
+def test_the_plan_keeps_to_speed_and_acceleration(linear: MakeLinear) -> None:
     rate, options = 8.0, Scenario()
-    skill = linear((0.5, 0.0, 0.5), rate=rate)  # type: ignore[operator]
+    skill = linear((0.5, 0.0, 0.5), rate=rate)
 
     plan = plan_motion(skill, HERE, options, np.array([0.2, -0.4, 0.8]))
 
@@ -59,17 +62,17 @@ def test_a_2d_skill_moves_at_its_scale_and_into_its_plane(stroke: SedsSkill) -> 
     assert speeds_of(plan.positions).max() == pytest.approx(0.3, abs=ROUNDING)
 
 
-def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: object) -> None:
-    skill = linear((0.5, 0.0, 0.5), rate=-1.0)  # type: ignore[operator]
+def test_a_skill_that_runs_away_has_a_plan_that_ends(linear: MakeLinear) -> None:
+    skill = linear((0.5, 0.0, 0.5), rate=-1.0)
     plan = plan_motion(skill, HERE, Scenario(), np.array([0.4, 0.0, 0.5]))
     assert not plan.arrived
 
 
 @pytest.mark.parametrize("scale", [1.0, 4.0])
-def test_a_capped_command_is_not_a_disturbance(linear: object, scale: float) -> None:
+def test_a_capped_command_is_not_a_disturbance(linear: MakeLinear, scale: float) -> None:
     """At 50 /s the skill asks for 0.1 m per period: far more than the disturbance distance."""
-    acting = linear((0.0, 0.0, 0.0), rate=50.0, centre=(0.5, 0.0, 0.0))  # type: ignore[operator]
-    waiting = linear((0.0, 0.5, 0.0), rate=50.0, centre=(0.25, 0.0, 0.0), spread=0.02)  # type: ignore[operator]
+    acting = linear((0.0, 0.0, 0.0), rate=50.0, centre=(0.5, 0.0, 0.0))
+    waiting = linear((0.0, 0.5, 0.0), rate=50.0, centre=(0.25, 0.0, 0.0), spread=0.02)
     skill = CombinedSkill((acting, waiting), np.array([0.5, 0.5]), disturbance_distance=2e-3)
     assert skill.part_at([[0.5, 0.0, 0.0], [0.25, 0.0, 0.0]]).tolist() == [0, 1]  # the way crosses a region
 
@@ -81,8 +84,8 @@ def test_a_capped_command_is_not_a_disturbance(linear: object, scale: float) -> 
     assert (plan.positions[:, 1:] == 0).all()  # the waiting part would turn off to y = 0.5
 
 
-def test_after_a_shortened_step_the_hand_speeds_up_from_there(linear: object) -> None:
-    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())  # type: ignore[operator]
+def test_after_a_shortened_step_the_hand_speeds_up_from_there(linear: MakeLinear) -> None:
+    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())
     far = np.zeros(3)
     step = 1.5 * CONTROL_PERIOD  # what the acceleration adds in a period, [m/s]
     for count in range(1, 11):
@@ -101,8 +104,10 @@ def test_the_controller_shortens_but_does_not_turn(reach: SedsSkill) -> None:
 
 
 @pytest.mark.parametrize(("gate", "ends"), [("latched", [0, 0]), ("instantaneous", [0, 1])])
-def test_the_target_is_the_acting_parts_or_the_nearest(linear: object, gate: str, ends: list[int]) -> None:
-    parts = linear((0.5, 0.3, 0.5)), linear((0.5, -0.3, 0.5))  # type: ignore[operator]
+def test_the_target_is_the_acting_parts_or_the_nearest(
+    linear: MakeLinear, gate: str, ends: list[int]
+) -> None:
+    parts = linear((0.5, 0.3, 0.5)), linear((0.5, -0.3, 0.5))
     motion = Motion(CombinedSkill(parts, np.array([0.5, 0.5]), gate), HERE, Scenario())
     near_first, near_second = np.array([0.5, 0.2, 0.5]), np.array([0.5, -0.2, 0.5])
     motion.velocity(near_first)
@@ -111,6 +116,6 @@ def test_the_target_is_the_acting_parts_or_the_nearest(linear: object, gate: str
     assert motion.distance_to_goals(near_second) == pytest.approx(0.1, rel=4 * EPS)
 
 
-def test_a_hand_at_its_target_stays_there(linear: object) -> None:
-    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())  # type: ignore[operator]
+def test_a_hand_at_its_target_stays_there(linear: MakeLinear) -> None:
+    motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())
     assert (motion.velocity(np.array([0.5, 0.0, 0.5])) == 0).all()

@@ -31,8 +31,8 @@ class Fingers:
 
 
 def grasping(fingers: Fingers | None = None, lift: float = 0.10) -> Grasping:
-    scenario = Scenario(scene={"kind": "shelf"}, target="cup")  # type: ignore[arg-type]
-    return Grasping(scenario, fingers or Fingers(), CUP, lambda: lift)  # type: ignore[arg-type]
+    scenario = Scenario(scene={"kind": "shelf"}, target="cup")
+    return Grasping(scenario, fingers or Fingers(), CUP, lambda: lift)
 
 
 def closed(lift: float = 0.10) -> Grasping:

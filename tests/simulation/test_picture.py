@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 
+MakeLinear = Callable[..., SedsSkill]
 OPTIONS = Scenario(start=(0.42, -0.20, 0.45))
 
 # Another process: its own hash seed, and another episode before the one that counts.
@@ -96,8 +98,8 @@ def test_two_processes_give_the_same_bytes(episode: Episode, sheet: bytes, reach
     assert picture == sheet
 
 
-def test_an_episode_that_went_nowhere_has_a_picture(linear: object) -> None:
-    skill = linear((0.5, 0.0, 0.5))  # type: ignore[operator]
+def test_an_episode_that_went_nowhere_has_a_picture(linear: MakeLinear) -> None:
+    skill = linear((0.5, 0.0, 0.5))
     episode = simulate(skill, Scenario(start=(0.5, 0.0, 0.5), settle_time=0.01, max_duration=0.004))
     with Image.open(io.BytesIO(encode_picture(episode))) as image:
         assert image.size == (1472, 868)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,13 +14,14 @@ from skillctl.simulation.arms import ARMS
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
 
+MakeLinear = Callable[..., SedsSkill]
 PANDA = ARMS["panda"]
 EPS = np.finfo(np.float64).eps
 metres = st.floats(-1, 1, width=16)
 
 
 def placed(skill: SedsSkill, **options: object) -> Placement:
-    return placements(skill, PANDA, Scenario(**options))[0]  # type: ignore[arg-type]
+    return placements(skill, PANDA, Scenario(**options))[0]
 
 
 @given(x=metres, y=metres, scale=st.floats(0.5, 4, width=16))
@@ -48,21 +51,21 @@ def test_a_small_2d_skill_fills_the_room_in_front_of_the_arm(stroke: SedsSkill) 
     assert np.ptp(corners[:, 2]) == 0
 
 
-def test_a_2d_skill_is_brought_to_the_middle_wherever_it_was_recorded(linear: object) -> None:
-    skill = linear((3.0, -2.0), spread=0.01)  # type: ignore[operator]
+def test_a_2d_skill_is_brought_to_the_middle_wherever_it_was_recorded(linear: MakeLinear) -> None:
+    skill = linear((3.0, -2.0), spread=0.01)
     placement = placed(skill, plane="yz")
     # A box of 4 standard deviations becomes 0.3 m; sums of some 30 m are rounded.
     assert placement.scale == pytest.approx(7.5, rel=EPS)
     assert placement.to_workspace(skill.attractor) == pytest.approx(PANDA.reach_centre, abs=64 * EPS)
 
 
-def test_a_2d_skill_of_the_arms_own_size_keeps_it(linear: object) -> None:
-    assert placed(linear((0.0, 0.0), spread=0.06)).scale == 1.0  # type: ignore[operator]
+def test_a_2d_skill_of_the_arms_own_size_keeps_it(linear: MakeLinear) -> None:
+    assert placed(linear((0.0, 0.0), spread=0.06)).scale == 1.0
 
 
-def test_coordinate_names_choose_the_plane(linear: object) -> None:
+def test_coordinate_names_choose_the_plane(linear: MakeLinear) -> None:
     for names in (("x", "y"), ("x", "z"), ("y", "z")):
-        skill = linear((0.0, 0.0), space=Euclidean(names))  # type: ignore[operator]
+        skill = linear((0.0, 0.0), space=Euclidean(names))
         placement = placed(skill)
         assert placement.plane == "".join(names)
         axes = ["xyz".index(name) for name in names]
@@ -86,8 +89,8 @@ def test_the_pull_to_the_plane_leaves_the_skill_alone(stroke: SedsSkill) -> None
     [Euclidean(("x",)), Euclidean.cartesian(4), Euclidean(("q1", "q2", "q3"), unit="rad")],
     ids=["1-D", "4-D", "joints"],
 )
-def test_what_is_no_hand_position_is_refused(linear: object, space: Euclidean) -> None:
-    skill = linear((0.0,) * space.dimension, space=space)  # type: ignore[operator]
+def test_what_is_no_hand_position_is_refused(linear: MakeLinear, space: Euclidean) -> None:
+    skill = linear((0.0,) * space.dimension, space=space)
     with pytest.raises(UsageError) as refusal:
         placed(skill)
     assert str(space.dimension) in str(refusal.value)
@@ -99,8 +102,8 @@ def test_a_plane_for_a_3d_skill_is_refused(reach: SedsSkill) -> None:
         placed(reach, plane="xy")
 
 
-def test_a_fast_skill_needs_no_more_room_than_a_slow_one(linear: object) -> None:
+def test_a_fast_skill_needs_no_more_room_than_a_slow_one(linear: MakeLinear) -> None:
     """At 200 /s, Euler steps of the preview's usual period would grow threefold each."""
     start = Scenario(start=(0.1, 0.05))
-    slow, fast = (placements(linear((0.0, 0.0), rate=rate), ARMS["panda"], start) for rate in (2.0, 200.0))  # type: ignore[operator]
+    slow, fast = (placements(linear((0.0, 0.0), rate=rate), ARMS["panda"], start) for rate in (2.0, 200.0))
     assert [one.scale for one in fast] == [one.scale for one in slow]

@@ -24,10 +24,15 @@ def episode(reach: SedsSkill) -> Episode:
     generator = np.random.default_rng(0)
     arm = ARMS["panda"]
     points, joints = generator.normal(size=(2, 5, 3)), generator.normal(size=(3, 5, arm.n_joints))
+    reference, hand = points
+    positions, velocities, torques = joints
     series = TimeSeries(
         np.arange(5) / 240,
-        *points,
-        *joints,
+        reference,
+        hand,
+        positions,
+        velocities,
+        torques,
         generator.random(5),
         np.array([0, 0, 1, 1, 1]),
         phases=np.array([0, 0, 1, 2, 3]),
@@ -71,16 +76,16 @@ def test_every_number_of_the_log_reads_back_exactly(episode: Episode) -> None:
 
 
 def test_scene_and_cup_have_columns_if_there_are_any(episode: Episode) -> None:
-    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))  # type: ignore[arg-type]
+    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))
     rows = list(csv.DictReader(io.StringIO(encode_log(with_cup).decode())))
     names = ("cup_x", "cup_y", "cup_z", "cup_qx", "cup_qy", "cup_qz", "cup_qw")
-    assert ([[float(row[name]) for name in names] for row in rows] == episode.series.cups).all()
+    assert (np.array([[float(row[name]) for name in names] for row in rows]) == episode.series.cups).all()
     assert [row["contacts"] for row in rows] == ["0", "0", "0", "2", "1"]
     assert [row["clearance"] for row in rows] == ["0.1", "nan", "nan", "nan", "-0.002"]
 
 
 def test_an_hdf5_log_holds_what_the_csv_log_holds(episode: Episode) -> None:
-    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))  # type: ignore[arg-type]
+    with_cup = replace(episode, scenario=Scenario(scene={"kind": "shelf"}, target="cup"))
     rows = list(csv.DictReader(io.StringIO(encode_log(with_cup).decode())))
     data = encode_log(with_cup, "h5")
     with h5py.File(io.BytesIO(data)) as log:

@@ -141,7 +141,7 @@ def test_what_lies_outside_the_workspace_is_refused_before_the_run(where: str, l
     with pytest.raises(
         GoalNotReachedError, match=rf"unreachable: the {where} \(2\.000, 0\.000, 0\.500\)"
     ) as refusal:
-        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{where: (2.0, 0.0, 0.5)}))  # type: ignore[arg-type]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{where: (2.0, 0.0, 0.5)}))
     assert f"--{where}" in refusal.value.hint
 
 
@@ -169,7 +169,7 @@ def test_the_horizon_ends_an_episode(linear: MakeLinear) -> None:
 @pytest.mark.parametrize("name", ["start", "target"])
 def test_a_point_of_another_dimension_is_refused(name: str, linear: MakeLinear) -> None:
     with pytest.raises(UsageError, match=f"{name}: expected 3"):
-        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{name: (0.5, 0.0)}))  # type: ignore[arg-type]
+        simulate(linear((0.5, 0.0, 0.5)), Scenario(**{name: (0.5, 0.0)}))
 
 
 def test_progress_is_told_ten_times_a_second(linear: MakeLinear) -> None:

@@ -35,7 +35,7 @@ from skillctl.simulation.scenario import Scenario
 )
 def test_a_value_without_meaning_is_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(UsageError, match=f"^{field}: "):
-        Scenario(**{field: value})  # type: ignore[arg-type]
+        Scenario(**{field: value})
 
 
 def test_an_unknown_arm_is_answered_with_the_known_ones() -> None:
@@ -45,17 +45,17 @@ def test_an_unknown_arm_is_answered_with_the_known_ones() -> None:
 
 
 def test_the_cup_as_target_brings_a_cup() -> None:
-    scenario = Scenario(scene={"kind": "shelf"}, target="cup")  # type: ignore[arg-type]
+    scenario = Scenario(scene={"kind": "shelf"}, target="cup")
     assert scenario.grasping
     assert scenario.cup is not None
     assert scenario.cup.place == (0.62, 0.0)
-    assert not Scenario(scene={"kind": "shelf"}).grasping  # type: ignore[arg-type]
+    assert not Scenario(scene={"kind": "shelf"}).grasping
 
 
 def test_a_scenario_cannot_be_changed_behind_its_back() -> None:
     scenario = Scenario()
     with pytest.raises(ValueError, match="frozen"):
-        scenario.noise = 1.0  # type: ignore[misc]
+        scenario.noise = 1.0
     assert scenario.changed(noise=0.5).noise == 0.5
     assert scenario.noise == 0.0
     with pytest.raises(UsageError, match="noise"):

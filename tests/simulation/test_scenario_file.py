@@ -48,7 +48,7 @@ def read(tmp_path: Path, text: str) -> Scenario:
 
 
 def test_a_file_says_what_python_says(tmp_path: Path) -> None:
-    assert read(tmp_path, FULL) == Scenario(  # type: ignore[arg-type]
+    assert read(tmp_path, FULL) == Scenario(
         start=(0.4, 0.0, 0.55),
         target="cup",
         noise=0.003,
@@ -169,7 +169,7 @@ def test_keys_are_bare_words() -> None:
     """Nothing that ``to_toml`` writes as a key would need quotes."""
     lines = [
         line for line in to_toml(Scenario(scene={"kind": "shelf"}, cup={})).splitlines() if " = " in line
-    ]  # type: ignore[arg-type]
+    ]
     keys = {line.partition(" = ")[0] for line in lines}
     assert len(lines) > 20
     assert all(set(key) <= set(string.ascii_lowercase + "_") for key in keys)

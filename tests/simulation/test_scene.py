@@ -27,12 +27,12 @@ def test_a_shelf_has_its_tops_edges_and_walls_where_it_says() -> None:
 
 def test_a_cup_stands_on_its_board() -> None:
     for scene, board, height in ((Shelf(), "top", 0.70), (Shelf(), "bottom", 0.42), (Table(), "top", 0.42)):
-        scenario = Scenario(scene=scene, cup={"position": (0.6, 0.1), "board": board, "height": 0.1})  # type: ignore[arg-type]
+        scenario = Scenario(scene=scene, cup={"position": (0.6, 0.1), "board": board, "height": 0.1})
         assert cup_middle(scenario) == pytest.approx([0.6, 0.1, height + 0.05], abs=1e-12)
 
 
 def test_the_cup_has_the_mass_and_inertia_of_a_solid_cylinder_and_stays_where_it_is() -> None:
-    scenario = Scenario(scene=Shelf(), cup={"mass": 0.3, "radius": 0.03, "height": 0.1, "friction": 0.7})  # type: ignore[arg-type]
+    scenario = Scenario(scene=Shelf(), cup={"mass": 0.3, "radius": 0.03, "height": 0.1, "friction": 0.7})
     with ArmBody(PANDA, 0.0) as arm:
         scene = SceneBodies(arm, scenario)
         facts = arm.bullet.getDynamicsInfo(scene.cup, -1)

@@ -16,7 +16,8 @@ from skillctl.simulation.position import PositionArm
 from skillctl.simulation.torque import TorqueArm
 
 RATE, CAP = 2.5, 0.3  # of the straight motion to the target: [1/s], [m/s]
-Begin = Callable[..., tuple[TorqueArm, np.ndarray]]
+AtRest = tuple[TorqueArm, np.ndarray]
+Begin = Callable[..., AtRest]
 
 
 @pytest.fixture(params=ARMS)
@@ -25,14 +26,14 @@ def begin(request: pytest.FixtureRequest) -> Iterator[Begin]:
     model = ARMS[request.param]
     with ArmBody(model, 0.0, shapes="none") as twin, ArmBody(model, 0.0, shapes="collision") as body:
 
-        def make(away: tuple[float, float, float] = (0, 0, 0), hand: str = "horizontal") -> object:
-            kinematics = Kinematics(twin, hand, 0.0)  # type: ignore[arg-type]
+        def make(away: tuple[float, float, float] = (0, 0, 0), hand: str = "horizontal") -> AtRest:
+            kinematics = Kinematics(twin, hand, 0.0)
             target = np.add(model.reach_centre, [0.05, 0.0, 0.0])
             found = kinematics.search(target + away, seed=0)
             assert found.accepted
             return TorqueArm(body, found.joints, kinematics), target
 
-        yield make  # type: ignore[misc]
+        yield make
 
 
 def straight(hand: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -104,7 +105,11 @@ def test_a_push_leaves_no_energy_behind(begin: Begin) -> None:
     assert kinetic_energy(arm) < 1e-6  # at rest it stays at rest
 
     def energies(steps: int, push: object) -> list[float]:
-        return [run(arm, target, 0.05, push) and kinetic_energy(arm) for _ in range(steps)]
+        after = []
+        for _ in range(steps):
+            run(arm, target, 0.05, push)
+            after.append(kinetic_energy(arm))
+        return after
 
     pushed, returning = energies(10, (0.0, 40.0, 0.0)), energies(60, None)
     assert max(returning) < max(pushed)

@@ -141,7 +141,9 @@ def make_seds() -> Callable[..., SedsSkill]:
 
 @pytest.fixture(scope="session")
 def merged() -> MergedSkill:
-    return SKILLS["merged"]
+    skill = SKILLS["merged"]
+    assert isinstance(skill, MergedSkill)
+    return skill
 
 
 @pytest.fixture(scope="session")

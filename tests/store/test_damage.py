@@ -4,6 +4,7 @@ import os
 import socket
 import time
 
+import h5py
 import numpy as np
 import pytest
 
@@ -126,7 +127,7 @@ def test_a_huge_file_is_refused_by_its_size(tmp_path, monkeypatch):
     path = tmp_path / "huge.h5"
     with path.open("wb") as file:
         file.truncate(10 << 30)
-    monkeypatch.setattr(files.os, "fdopen", None)  # nothing is read
+    monkeypatch.setattr(os, "fdopen", None)  # nothing is read
     with pytest.raises(errors.NotAnArtifactError, match="larger than 64 MiB"):
         store.read_skill(path)
 
@@ -153,7 +154,7 @@ def test_a_file_swapped_after_it_was_opened_changes_nothing(good, place, monkeyp
             evil.replace(path)
         return descriptor
 
-    monkeypatch.setattr(files.os, "open", swapping_open)
+    monkeypatch.setattr(os, "open", swapping_open)
     assert store.read_skill(path).digest == store.digest_of(good)
     assert opened == [path]
     assert path.read_bytes() == b"evil"
@@ -172,7 +173,7 @@ def test_no_permission_is_the_systems_refusal(good, place, monkeypatch):
     def forbidden(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(files.os, "open", forbidden)
+    monkeypatch.setattr(os, "open", forbidden)
     with pytest.raises(StoreError, match=r"cannot read .*: Permission denied") as caught:
         store.read_skill(path)
     assert "permissions" in caught.value.hint
@@ -194,7 +195,7 @@ def test_whatever_hdf5_raises_is_one_sentence(good, monkeypatch, kind, place):
     def raising(*_, **__):
         raise kind("utf-8", b"x", 0, 1, "y") if kind is UnicodeDecodeError else kind("\x1b[2J" * 99)
 
-    owner = reader.h5py if place == "File" else reader
+    owner = h5py if place == "File" else reader
     monkeypatch.setattr(owner, place, raising)
     with pytest.raises(
         errors.InvalidArtifactError, match=r"reach\.h5 .*HDF5 cannot read it \(\w+Error"

@@ -7,6 +7,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
+from skillctl.errors import ArtifactError
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.store import (
     canonical,
@@ -105,7 +106,7 @@ def test_every_error_is_explained():
     for name, value in vars(errors).items():
         if (
             isinstance(value, type)
-            and issubclass(value, errors.ArtifactError)
+            and issubclass(value, ArtifactError)
             and value.__module__ == errors.__name__
         ):
             assert f"`{name}`" in PAGE or name in {"UnsupportedFormatError", "RefusedFileError"}

@@ -83,7 +83,9 @@ def test_only_one_module_of_the_store_imports_h5py_and_it_turns_plugins_off_firs
 def test_every_public_name_exists():
     tree = ast.parse(Path(store.__file__).read_text(encoding="utf-8"))
     (declared,) = (node for node in tree.body if isinstance(node, ast.If))
-    homes = {alias.name: node.module for node in declared.body for alias in node.names}
+    imports = [node for node in declared.body if isinstance(node, ast.ImportFrom)]
+    assert imports == declared.body
+    homes = {alias.name: node.module for node in imports for alias in node.names}
     assert homes == {name: f"skillctl.store.{module}" for name, module in store._HOMES.items()}
     for name, home in homes.items():
         assert getattr(store, name).__module__ == home

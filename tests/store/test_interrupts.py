@@ -30,8 +30,8 @@ def test_an_interrupt_says_whether_the_version_was_published(
 ):
     there = store.Registry(tmp_path)
     there.publish("reach", versions[0])
-    real, linked = getattr(os, step), []
-    real_link = os.link
+    real, real_link = getattr(os, step), os.link
+    linked: list[object] = []
 
     def interrupted(*arguments, **options):
         if step == "close" and not linked:  # only the one that follows the link

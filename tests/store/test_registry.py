@@ -1,6 +1,7 @@
 """The store: whole, immutable, numbered versions, whatever stands in the way."""
 
 import os
+import secrets
 import stat
 from contextlib import suppress
 
@@ -158,7 +159,7 @@ def test_a_link_in_place_of_a_temporary_file_is_not_written_through(
     """Names of temporary files cannot be guessed; even so, what stands there is left alone."""
     directory = registry.publish("reach", versions[0]).path.parent
     (target := tmp_path / "target").write_text("precious")
-    monkeypatch.setattr(local.secrets, "token_hex", lambda n: "0" * 2 * n)
+    monkeypatch.setattr(secrets, "token_hex", lambda n: "0" * 2 * n)
     planted = [directory / f".publishing-{'0' * 16}", directory / f".refs.toml.{'0' * 8}.tmp"]
     for path in planted:
         path.symlink_to(target)

@@ -4,8 +4,10 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -204,10 +206,14 @@ def test_what_is_no_key_is_refused(read, keys, tmp_path):
 def test_an_encrypted_key_asks_for_its_password(keys, tmp_path):
     locked = tmp_path / "locked.pem"
     openssl("pkey", "-in", keys[0][0], "-aes256", "-passout", "pass:sesame", "-out", locked)
-    asked = []
+    asked: list[str] = []
 
-    def answer(word):
-        return lambda prompt: asked.append(prompt) or word
+    def answer(word: str) -> Callable[[str], str]:
+        def ask(prompt: str) -> str:
+            asked.append(prompt)
+            return word
+
+        return ask
 
     key = store.read_private_key(locked, answer("sesame"))
     assert store.make_signature(DIGEST, key) == signed(keys[0])
@@ -222,7 +228,8 @@ def test_an_encrypted_key_asks_for_its_password(keys, tmp_path):
 
 def test_without_the_package_it_is_said_what_to_install(keys, monkeypatch):
     monkeypatch.setitem(sys.modules, "cryptography.exceptions", None)
-    for read, path in zip((store.read_private_key, store.read_public_key), keys[0], strict=True):
+    readers: list[Callable[[Path], object]] = [store.read_private_key, store.read_public_key]
+    for read, path in zip(readers, keys[0], strict=True):
         with pytest.raises(NotFoundError, match="cryptography is not installed") as refused:
             read(path)
         assert refused.value.hint == "In your clone of skillctl: pip install '.[sign]'"

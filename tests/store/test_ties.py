@@ -88,7 +88,7 @@ def test_merging_gives_one_part_a_parent(wrap, merged):
         store.encode(replace(artifact, provenance=provenance))
 
 
-HELD_OUT = {
+HELD_OUT: dict[str, object] = {
     "held_out_demonstrations": 3,
     "held_out_dtw": None,
     "held_out_worst_dtw": 0.5,
@@ -97,12 +97,18 @@ HELD_OUT = {
 
 
 def test_learn_records_held_out_errors_as_a_whole_or_not_at_all(wrap, make_seds):
-    for results in ({}, HELD_OUT, {"objective": 0.5, **HELD_OUT}):
+    complete: list[dict[str, object]] = [{}, HELD_OUT, {"objective": 0.5, **HELD_OUT}]
+    for results in complete:
         assert (
             store.decode(store.encode(stating(wrap, make_seds(1), results=results))).operation.results
             == results
         )
-    for results in ({"held_out_dtw": 0.5}, {**HELD_OUT, "held_out_x": 1}, {**HELD_OUT, "held_out_dtw": "x"}):
+    wrong: list[dict[str, object]] = [
+        {"held_out_dtw": 0.5},
+        {**HELD_OUT, "held_out_x": 1},
+        {**HELD_OUT, "held_out_dtw": "x"},
+    ]
+    for results in wrong:
         with pytest.raises(InvalidModelError, match=r"operation\.results\.held_out_"):
             store.encode(stating(wrap, make_seds(1), results=results))
 

@@ -8,6 +8,7 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import NotFoundError, UsageError
+from skillctl.model.seds import SedsSkill
 from skillctl.store.artifact import arrays_of
 from skillctl.store.layout import META, content_digest
 from skillctl.store.migrations import FORMAT_VERSION
@@ -17,9 +18,15 @@ from skillctl.usecases.files import load, save
 from skillctl.usecases.verify_stability import verify
 
 
+def load_learned(reference: str | Path, store: Path | None = None) -> SedsSkill:
+    skill = load(reference, store=store)
+    assert isinstance(skill, SedsSkill)
+    return skill
+
+
 @pytest.fixture
-def curve(library):
-    return load("curve", store=library)
+def curve(library: Path) -> SedsSkill:
+    return load_learned("curve", library)
 
 
 def test_a_path_is_always_a_file(curve, library, tmp_path, monkeypatch):
@@ -27,12 +34,12 @@ def test_a_path_is_always_a_file(curve, library, tmp_path, monkeypatch):
     written = save(curve, tmp_path / "a.h5")
     for name in ("plain", "x.skill", "curve", "curve@1"):
         written.rename(tmp_path / name)
-        assert (load(Path(name), store=library).means == curve.means).all()
+        assert (load_learned(Path(name), library).means == curve.means).all()
         assert verify(Path(name), store=library).verdict == verify(curve).verdict
         (tmp_path / name).rename(written)
     with pytest.raises(NotFoundError, match="there is no such file"):
         load(Path("curve"), store=library)
-    assert (load("curve", store=library).means == curve.means).all()
+    assert (load_learned("curve", library).means == curve.means).all()
 
 
 @pytest.mark.parametrize("name", ["x.skill", "x", "x@3", "X", "x y", "", "a\0"])
@@ -51,7 +58,7 @@ def test_what_is_saved_by_a_text_is_loaded_by_it(curve, tmp_path, monkeypatch, n
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     assert save(curve, name) == Path(name)
-    assert (load(name).means == load(Path(name)).means).all()
+    assert (load_learned(name).means == load_learned(Path(name)).means).all()
 
 
 def test_a_skill_of_any_kind_that_is_saved_says_that_python_made_it(run, curve, library, tmp_path):
