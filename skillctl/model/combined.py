@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,6 @@ from skillctl.model.gated import StackedDensities
 from skillctl.model.gates import combine_gate
 from skillctl.model.mixture import GaussianMixture, softmax
 from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False, slots=True)

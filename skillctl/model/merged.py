@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +19,6 @@ from skillctl.model.gates import Weighting, gate_parameters, merge_gate
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.mixture import BLOCK, GaussianMixture, softmax
 from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False, slots=True)
