@@ -14,8 +14,7 @@ from skillctl.errors import UsageError
 from skillctl.geometry import resample_by_arc_length
 
 CURVE_POINTS = 200  # resampling of curves whose distance is measured point by point
-AREA_POINTS = 1000  # resampling of curves whose enclosed area is measured
-DIVERGED = 1e50  # a curve that leaves this range has diverged; products of four coordinates still fit a float
+DIVERGED = 1e50  # a curve that leaves this range has diverged; squares still fit a float
 
 
 def dtw(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:
@@ -39,41 +38,8 @@ def dtw(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) 
     costs = _pairwise_distances(first, second, count)
     if costs is None:
         return np.inf
-    table = _alignment_table(costs, bottleneck=False)
+    table = _alignment_table(costs)
     return float(table[-1, -1] / _path_length(table))
-
-
-def frechet(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:
-    """Return the discrete Fréchet distance: the smallest leash for walking both curves without going back.
-
-    Both curves, shapes (T, d) and (U, d), are resampled to ``count`` points equally spaced in arc length.
-    Infinite if a curve diverged.
-
-    References:
-        Eiter & Mannila 1994, the recursion for the coupling measure.
-    """
-    costs = _pairwise_distances(first, second, count)
-    return np.inf if costs is None else float(_alignment_table(costs, bottleneck=True)[-1, -1])
-
-
-def swept_area(first: npt.ArrayLike, second: npt.ArrayLike, count: int = AREA_POINTS) -> float:
-    """Return the area of the strip between two curves, in the square of the unit of the positions.
-
-    Both curves, shapes (T, d) and (U, d), are resampled to ``count`` points equally spaced in arc length;
-    each quadrilateral between consecutive pairs of points counts as two triangles, in any dimension.
-    Curves on one line enclose no area, however far apart. Infinite if a curve diverged.
-
-    References:
-        Khansari-Zadeh & Billard 2014 (swept error area, planar); triangles in d dimensions are ours.
-    """
-    pair = _resampled(first, second, count)
-    if pair is None:
-        return np.inf
-    a, b = pair
-    return float(
-        _triangle_areas(a[1:] - a[:-1], b[:-1] - a[:-1]).sum()
-        + _triangle_areas(b[1:] - b[:-1], a[1:] - b[:-1]).sum()
-    )
 
 
 def velocity_rmse(predicted: npt.ArrayLike, observed: npt.ArrayLike) -> float:
@@ -82,54 +48,35 @@ def velocity_rmse(predicted: npt.ArrayLike, observed: npt.ArrayLike) -> float:
     return float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
 
 
-def relative_velocity_rmse(predicted: npt.ArrayLike, observed: npt.ArrayLike) -> float:
-    """Return ``velocity_rmse`` divided by the RMS speed that was observed. One: no better than resting.
-
-    Infinite if nothing moved.
-    """
-    speed = velocity_rmse(np.zeros_like(observed), observed)
-    return velocity_rmse(predicted, observed) / speed if speed > 0 else np.inf
-
-
 def end_error(positions: npt.ArrayLike, target: npt.ArrayLike) -> float:
     """Return how far the last of the positions (T, d) lies from the target (d,)."""
     return float(np.linalg.norm(_curve(positions)[-1] - np.asarray(target, dtype=np.float64)))
 
 
-def _resampled(
-    first: npt.ArrayLike, second: npt.ArrayLike, count: int
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return both curves with ``count`` points each, or None if one has diverged."""
+def _pairwise_distances(first: npt.ArrayLike, second: npt.ArrayLike, count: int) -> FloatArray | None:
+    """Return the distances between all points of the resampled curves; None if one diverged."""
     a, b = _curve(first), _curve(second)
     if a.shape[1] != b.shape[1]:
         raise UsageError(f"curves: {a.shape[1]} and {b.shape[1]} dimensions cannot be compared.")
     if not (np.abs(a).max() < DIVERGED and np.abs(b).max() < DIVERGED):  # false for NaN, too
         return None
-    return resample_by_arc_length(a, count), resample_by_arc_length(b, count)
+    a, b = resample_by_arc_length(a, count), resample_by_arc_length(b, count)
+    return np.asarray(np.linalg.norm(a[:, None] - b, axis=2))
 
 
-def _pairwise_distances(first: npt.ArrayLike, second: npt.ArrayLike, count: int) -> FloatArray | None:
-    """Return the distances between all points of the resampled curves, (count, count); None as above."""
-    pair = _resampled(first, second, count)
-    return None if pair is None else np.asarray(np.linalg.norm(pair[0][:, None] - pair[1], axis=2))
-
-
-def _alignment_table(costs: FloatArray, *, bottleneck: bool) -> FloatArray:
+def _alignment_table(costs: FloatArray) -> FloatArray:
     """Return the cost of the best matching up to every pair of points, by anti-diagonals.
 
-    D(i, j) = C(i, j) + min(D(i−1, j−1), D(i−1, j), D(i, j−1)); ``bottleneck`` takes the larger of the two
-    terms instead of their sum. The entries of one anti-diagonal i + j depend on the two before alone, so
-    each anti-diagonal is one vector operation.
+    D(i, j) = C(i, j) + min(D(i−1, j−1), D(i−1, j), D(i, j−1)). The entries of one anti-diagonal i + j
+    depend on the two before alone, so each anti-diagonal is one vector operation.
 
     Args:
         costs: C, shape (N, M).
-        bottleneck: See above.
 
     Returns:
         Shape (N + M, N + 1): entry [i + j + 1, i + 1] holds D(i, j); infinite outside the table.
     """
     rows, columns = costs.shape
-    join = np.maximum if bottleneck else np.add
     skewed = np.full((rows, rows + columns), np.inf)
     skewed[:, :columns] = costs
     # Read with rows one shorter than they are, each row starts one place further right than the last.
@@ -139,7 +86,7 @@ def _alignment_table(costs: FloatArray, *, bottleneck: bool) -> FloatArray:
     for k in range(1, rows + columns - 1):
         best = np.minimum(table[k, 1:], table[k, :-1])
         np.minimum(best, table[k - 1, :-1], out=best)
-        join(best, diagonals[k], out=table[k + 1, 1:])
+        np.add(best, diagonals[k], out=table[k + 1, 1:])
     return table
 
 
@@ -164,12 +111,6 @@ def _path_length(table: FloatArray) -> int:
             diagonal -= 1
         length += 1
     return length
-
-
-def _triangle_areas(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the areas of the triangles spanned by edges u and v, (n, d): ½ √Σ_{i<j} (uᵢvⱼ − uⱼvᵢ)²."""
-    i, j = np.triu_indices(u.shape[1], k=1)  # Lagrange's identity: no cancellation in slivers
-    return np.asarray(0.5 * np.linalg.norm(u[:, i] * v[:, j] - u[:, j] * v[:, i], axis=1))
 
 
 def _curve(positions: npt.ArrayLike) -> FloatArray:

@@ -43,16 +43,6 @@ def best_matching(a: FloatArray, b: FloatArray) -> tuple[float, set[int]]:
     return total, set(lengths)
 
 
-def shortest_leash(a: FloatArray, b: FloatArray) -> float:
-    @cache
-    def leash(i: int, j: int) -> float:
-        here = float(np.sqrt(((a[i] - b[j]) ** 2).sum()))
-        before = [leash(*ij) for ij in ((i - 1, j - 1), (i - 1, j), (i, j - 1)) if min(ij) >= 0]
-        return max(here, min(before)) if before else here
-
-    return leash(len(a) - 1, len(b) - 1)
-
-
 def rotation(dimension: int, seed: int) -> FloatArray:
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(dimension, dimension)))
     return q
@@ -96,7 +86,7 @@ def test_a_curve_that_rests_throughout_is_one_point_repeated() -> None:
     assert resample_by_arc_length(np.full((4, 3), 0.5), 3).tolist() == [[0.5] * 3] * 3
 
 
-# ------------------------------------------------------------------------------------- DTW, Fréchet
+# ------------------------------------------------------------------------------------- DTW
 
 
 @settings(max_examples=60)
@@ -111,20 +101,10 @@ def test_dtw_is_the_mean_over_a_best_monotone_matching(data: st.DataObject, d: i
     assert min(abs(distance * n - total) for n in lengths) <= 64 * EPS * (1 + total)
 
 
-@settings(max_examples=60)
-@given(st.data(), st.integers(1, 3), st.integers(2, 12))
-def test_frechet_is_the_shortest_leash(data: st.DataObject, d: int, count: int) -> None:
-    a, b = data.draw(curves(d)), data.draw(curves(d))
-    points = resample_by_arc_length(a, count), resample_by_arc_length(b, count)
-    # No sums of distances, only the largest is kept: the norms may differ in their last bits alone.
-    assert metrics.frechet(a, b, count) == pytest.approx(shortest_leash(*points), rel=4 * EPS, abs=0)
-
-
 def test_parallel_lines_are_their_offset_apart() -> None:
     a = np.stack([np.linspace(0, 10, 300), np.zeros(300), np.zeros(300)], axis=1)
     b = a + np.array([0.0, 3.0, 4.0])
     assert metrics.dtw(a, b) == pytest.approx(5.0, rel=8 * 200 * EPS)  # a sum of 200 equal terms
-    assert metrics.frechet(a, b) == 5.0
 
 
 def test_matching_is_a_path_of_its_own_length() -> None:
@@ -136,65 +116,19 @@ def test_matching_is_a_path_of_its_own_length() -> None:
     assert metrics.dtw(a, b, 3) == 2.0  # ties are broken towards the diagonal: three pairs
 
 
-@pytest.mark.parametrize("metric", [metrics.dtw, metrics.frechet, metrics.swept_area])
 @pytest.mark.parametrize("dimension", [2, 3, 6])
-def test_distances_are_invariant_and_zero_for_equal_curves(metric, dimension: int) -> None:
+def test_dtw_is_invariant_and_zero_for_equal_curves(dimension: int) -> None:
     a, b = path(dimension, 1), path(dimension, 2, count=60)
-    distance = metric(a, b)
+    distance = metrics.dtw(a, b)
     q, shift = rotation(dimension, 3), np.full(dimension, 0.4)
-    degree = 2 if metric is metrics.swept_area else 1
-    rounding = 1e3 * EPS  # sums of up to 2000 terms of one sign; rotated coordinates round once more
+    rounding = 1e3 * EPS  # sums of up to 400 terms of one sign; rotated coordinates round once more
     assert distance > 0.01
-    assert metric(a, a) == 0.0
+    assert metrics.dtw(a, a) == 0.0
     # Ties between matchings of equal sum but unequal length do not occur in general position.
-    assert metric(b, a) == pytest.approx(metric(a[::-1], b[::-1]), rel=rounding)
-    assert metric(a @ q + shift, b @ q + shift) == pytest.approx(distance, rel=rounding)
-    assert metric(1e3 * a, 1e3 * b) == pytest.approx(1e3**degree * distance, rel=rounding)
-    if metric is not metrics.swept_area:  # which diagonal splits a quadrilateral depends on the order
-        assert metric(b, a) == pytest.approx(distance, rel=rounding)
-
-
-@settings(max_examples=30)
-@given(st.data(), st.integers(2, 3))
-def test_the_leash_reaches_both_ends_and_every_point(data: st.DataObject, d: int) -> None:
-    a, b = data.draw(curves(d)), data.draw(curves(d))
-    leash = metrics.frechet(a, b, 20)
-    slack = 64 * EPS * (1 + leash)
-    assert max(np.linalg.norm(a[0] - b[0]), np.linalg.norm(a[-1] - b[-1])) <= leash + slack
-    p, q = resample_by_arc_length(a, 20), resample_by_arc_length(b, 20)
-    hausdorff = np.linalg.norm(p[:, None] - q, axis=2).min(axis=1).max()
-    assert hausdorff <= leash + slack
-
-
-# ------------------------------------------------------------------------------------- area
-
-
-def test_area_between_parallel_lines_is_a_parallelogram() -> None:
-    a = np.stack([np.linspace(0, 10, 50), np.zeros(50)], axis=1)
-    rounding = 2e3 * 8 * EPS  # 2 · 999 triangles, each a few roundings
-    assert metrics.swept_area(a, a + np.array([0.0, 3.0])) == pytest.approx(30.0, rel=rounding)
-    assert metrics.swept_area(a, a + np.array([2.0, 3.0])) == pytest.approx(30.0, rel=rounding)
-
-
-def test_area_of_a_plane_wedge_is_the_same_in_every_dimension() -> None:
-    flat_a, flat_b = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[0.0, 0.0], [0.0, 3.0]])
-    for dimension in (2, 3, 5):
-        q = rotation(dimension, 7)[:2]
-        area = metrics.swept_area(flat_a @ q, flat_b @ q)
-        # The strips of a triangle cut by parallel lines tile it: exact but for rounding.
-        assert area == pytest.approx(6.0, rel=2e3 * 8 * EPS)
-
-
-def test_area_between_a_helix_and_its_axis() -> None:
-    r, c, phi = 0.3, 0.1, 2.0  # radius [m], rise per radian [m], angle [rad]
-    angles = np.linspace(0, phi, 4001)
-    helix = np.stack([r * np.cos(angles), r * np.sin(angles), c * angles], axis=1)
-    axis = helix * [0.0, 0.0, 1.0]
-    # Radii are perpendicular to helix and axis: per radian one triangle of base √(r² + c²), one of base c,
-    # both of height r.
-    area = 0.5 * r * phi * (np.hypot(r, c) + c)
-    # A chord of 1/999 of the angle is shorter than its arc, and leans against the radius, by (φ/999)²/8.
-    assert metrics.swept_area(helix, axis) == pytest.approx(area, rel=(phi / 999) ** 2 / 8)
+    assert metrics.dtw(b, a) == pytest.approx(metrics.dtw(a[::-1], b[::-1]), rel=rounding)
+    assert metrics.dtw(a @ q + shift, b @ q + shift) == pytest.approx(distance, rel=rounding)
+    assert metrics.dtw(1e3 * a, 1e3 * b) == pytest.approx(1e3 * distance, rel=rounding)
+    assert metrics.dtw(b, a) == pytest.approx(distance, rel=rounding)
 
 
 # ------------------------------------------------------------------------------------- velocities, ends
@@ -204,11 +138,6 @@ def test_velocity_error_counts_the_norm_of_each_sample() -> None:
     observed = np.array([[3.0, 4.0], [0.0, 0.0]])
     predicted = observed + np.array([[1.0, 0.0], [0.0, -1.0]])
     assert metrics.velocity_rmse(predicted, observed) == 1.0
-    assert metrics.relative_velocity_rmse(predicted, observed) == pytest.approx(
-        1 / np.sqrt(12.5), rel=4 * EPS
-    )
-    assert metrics.relative_velocity_rmse(np.zeros((2, 2)), observed) == 1.0
-    assert metrics.relative_velocity_rmse(predicted, np.zeros((2, 2))) == np.inf
 
 
 def test_end_error_is_the_last_points_distance_to_the_target() -> None:
@@ -219,16 +148,15 @@ def test_end_error_is_the_last_points_distance_to_the_target() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e80])
-@pytest.mark.parametrize("metric", [metrics.dtw, metrics.frechet, metrics.swept_area])
-def test_a_curve_that_diverged_is_infinitely_far(metric, bad: float) -> None:
+def test_a_curve_that_diverged_is_infinitely_far(bad: float) -> None:
     a = path(2, 1)
     diverged = a.copy()
     diverged[-1, 0] = bad
-    assert metric(a, diverged) == metric(diverged, a) == np.inf
+    assert metrics.dtw(a, diverged) == metrics.dtw(diverged, a) == np.inf
 
 
 def test_curves_that_cannot_be_compared_are_refused() -> None:
     with pytest.raises(UsageError, match="2 and 3 dimensions"):
         metrics.dtw(path(2, 1), path(3, 1))
     with pytest.raises(UsageError, match=r"shape \(T, d\)"):
-        metrics.frechet(np.zeros(5), np.zeros(5))
+        metrics.dtw(np.zeros(5), np.zeros(5))
