@@ -13,8 +13,9 @@ from typing import Any
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
 from skillctl.store.files import read_once, refused_as
+from skillctl.store.locating import locate_store, upwards
 from skillctl.store.references import is_name, is_version, parse_reference
-from skillctl.store.registry import Located, Registry, existing_file, locate, locate_store, upwards
+from skillctl.store.registry import Located, Registry, existing_file, locate
 from skillctl.toml_files import parse_toml, toml_lines
 
 LOCK_VARIABLE = "SKILLCTL_LOCK"

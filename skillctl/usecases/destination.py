@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, UsageError, printable, require_directory
-from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_changed
+from skillctl.store import (
+    Artifact,
+    Located,
+    Registry,
+    encode,
+    locate_store,
+    read_skill,
+    require_outside_store,
+    write_changed,
+)
 from skillctl.store.errors import LaterFeatureError, NotAnArtifactError, TooNewFormatError
 from skillctl.store.schema import MAX_TEXT
 
@@ -68,8 +77,8 @@ class Destination:
         """Return the skill that is there now, or None; a damaged file counts as none.
 
         Raises:
-            UsageError: No skill can have this name; or the file must not be overwritten, because it is not a
-                skill, or one that only a later skillctl can use.
+            UsageError: No skill can have this name; or the file must not be written: it would be among the
+                versions of a store, or what is there is no skill, or one that only a later skillctl can use.
             StoreError: The file's directory does not exist.
         """
         located = self._located()
@@ -113,6 +122,7 @@ class Destination:
             versions = registry.versions(place)
             return registry.locate(f"{place}@{versions[-1]}") if versions else None
         require_directory(place)
+        require_outside_store(place, self.store)
         return Located(place) if place.exists() else None
 
 

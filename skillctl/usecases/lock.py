@@ -11,11 +11,11 @@ from skillctl.store import (
     Located,
     LockedSkill,
     Registry,
+    existing_store,
     is_lock,
     locate,
     locate_again,
     locate_lock,
-    locate_store,
     lock_text,
     locked_skill,
     read_lock,
@@ -108,7 +108,7 @@ def _current(path: Path, *, wanted: bool, needed: bool) -> tuple[LockedSkill, ..
 
 
 def _all(store: Path | None) -> tuple[str, ...]:
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     names = registry.names()
     if not names:
         raise UsageError(

@@ -150,3 +150,12 @@ def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curv
     made = run("combine", *skills, "--store", tmp_path, "--name", "both", "--json")
     assert json.loads(made.stdout)["written"]["skill"] == "both@2"
     assert (tmp_path / "both" / "1.h5").read_bytes() == data
+
+
+def test_nothing_is_saved_over_a_version(curve, library):
+    before = (library / "hook" / "1.h5").read_bytes()
+    for name in ("1.h5", "2.h5", "mine.h5"):
+        with pytest.raises(UsageError, match="lies in a store, where versions never change"):
+            save(curve, library / "hook" / name)
+    assert [path.name for path in (library / "hook").iterdir()] == ["1.h5"]
+    assert (library / "hook" / "1.h5").read_bytes() == before
