@@ -48,7 +48,7 @@ class Watching:
     video: Path | None = option(
         metavar="F.gif|F.mp4",
         group=RESULT,
-        help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
+        help="Write a film, in real time. (.mp4 needs: pip install av.)",
     )
 
 
