@@ -20,7 +20,7 @@ from skillctl.cli.output import Output
 
 def test_version_is_one_line(shell):
     result = shell("--version")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "skillctl 0.1.0\n", "")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "skillctl 0.2.0.dev0\n", "")
 
 
 def test_no_command_shows_the_help_on_standard_error(shell):
