@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -207,6 +208,29 @@ def test_a_closed_standard_output_is_an_error(tmp_path):
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 8
     assert "standard output is closed" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("verify-stability none.h5 --json", 4),
+        ("verify-stability none.h5", 4),
+        ("learn none.csv -o a.h5 --debug", 4),
+        ("learn motion.csv -o a.h5 --verbose --preset fast", 0),
+        ("--bogus", 2),
+        ("ls --store .", 0),
+    ],
+)
+@pytest.mark.parametrize("closed", ["2>&-", "2>&- <&-"])
+def test_a_closed_standard_error_changes_nothing_else(tmp_path, curve_files, command, code, closed):
+    shutil.copy(curve_files[0], tmp_path / "motion.csv")
+    heard = ["bash", "-c", f"{sys.executable} -m skillctl {command} 2>/dev/null"]
+    result = subprocess.run(heard, cwd=tmp_path, capture_output=True, check=False)
+    assert result.returncode == code
+    (tmp_path / "a.h5").unlink(missing_ok=True)
+    unheard = ["bash", "-c", f"{sys.executable} -m skillctl {command} {closed}"]
+    again = subprocess.run(unheard, cwd=tmp_path, capture_output=True, check=False)
+    assert (again.returncode, again.stdout) == (code, result.stdout)
 
 
 def test_common_options_work_before_and_after_the_command(run, tmp_path):
