@@ -106,7 +106,8 @@ def damaged(path: Path, kind: str, reason: str) -> InputDataError:
 
 def _require_usable(path: Path, mode: int, size: int) -> None:
     if stat.S_ISDIR(mode):
-        raise InputDataError(f"{path}: is a folder, not a file.", hint=f"Name its files: {path}/*.csv")
+        suffix = min((entry.suffix for entry in path.iterdir() if entry.is_file()), default="")
+        raise InputDataError(f"{path}: is a folder, not a file.", hint=f"Name its files: {path}/*{suffix}")
     if not stat.S_ISREG(mode):
         raise InputDataError(f"{path}: is not a regular file.", hint="Copy the data into a file.")
     if size == 0:

@@ -95,7 +95,7 @@ class Lock:
             other = "" if reference == located.shown else f"{reference} is {located.shown}, and "
             raise NotLockedError(
                 f"{other}{self.path} names {_listed(same)}{'' if other else f', not {located.shown}'}.",
-                hint=f"`skillctl lock {reference} …` locks that version.",
+                hint=f"`skillctl lock {reference} …`, with all others that are used, locks that version.",
             )
         return located
 
@@ -123,7 +123,7 @@ class Lock:
     def _unnamed(self, what: str) -> NotLockedError:
         return NotLockedError(
             f"{self.path} does not name {what}.",
-            hint="`skillctl lock SKILL…` writes a lock that does; without --locked any skill may be used.",
+            hint="`skillctl lock SKILL…`, with all skills that are to be used, writes one that does.",
         )
 
 

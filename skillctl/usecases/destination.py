@@ -92,7 +92,7 @@ class Destination:
             if self.file is None:  # the store gets one more version, and nothing is overwritten
                 return None
             raise _kept(
-                located.path, "is a skill that only a later skillctl can use", "Upgrade skillctl, give"
+                located.path, "is a skill that only a later skillctl can use", "Upgrade skillctl, or give"
             ) from error
         except ArtifactError:
             return None
@@ -129,5 +129,5 @@ class Destination:
 def _kept(path: Path, what: str, first: str = "Give") -> UsageError:
     return UsageError(
         f"{printable(str(path))} exists and {what}; it will not be overwritten.",
-        hint=f"{first} another name after -o, or remove the file.",
+        hint=f"{first} another name after -o.",
     )

@@ -102,7 +102,7 @@ def _current(path: Path, *, wanted: bool, needed: bool) -> tuple[LockedSkill, ..
         if not is_lock(path):
             raise UsageError(
                 f"{printable(str(path))} exists and is not a lock; it will not be overwritten.",
-                hint="Give another name after --file, or remove it.",
+                hint="Give another name after --file.",
             ) from error
         return ()
 

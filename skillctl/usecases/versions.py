@@ -109,15 +109,14 @@ def remove(
     doomed: dict[str, set[int]] = {}
     for reference in references:
         parsed = _in_store(reference)
-        name = parsed.name
+        name, version = parsed.name, registry.version_of(parsed)
         if all_versions != ("@" not in reference):
             raise UsageError(
                 f"{reference}: with --all, give names without a version."
                 if all_versions
                 else f"{reference} does not say which version.",
-                hint=f"Write {name}@3, or --all {name} for every version.",
+                hint=f"Write {name}@{version}, or --all {name} for every version.",
             )
-        version = registry.version_of(parsed)
         doomed.setdefault(name, set()).update(registry.versions(name) if all_versions else {version})
     for name, numbers in () if force else doomed.items():
         for alias, version in registry.aliases(name).items():

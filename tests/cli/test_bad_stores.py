@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -129,3 +130,20 @@ def test_no_command_writes_over_a_version(run, library, tmp_path, options):
     )
     assert published.exit_code == 2
     assert path.read_bytes() == (library / "hook" / "1.h5").read_bytes()
+
+
+def test_what_a_hint_names_can_be_typed(run, library, tmp_path, monkeypatch):
+    """Hints give the version that was meant, and a place with as many coordinates as the skill has."""
+    registry = store.Registry(tmp_path / "kept")
+    registry.publish("hook", (library / "hook" / "1.h5").read_bytes())
+    refused = run("rm", "hook", "--store", registry.root)
+    (hint,) = re.findall("hint: Write (.*), or --all (.*) for every version", refused.stderr)
+    assert hint == ("hook@1", "hook")
+    refused = run("inspect", "hook", "--store", registry.root, "--at", "1,2,3")
+    (place,) = re.findall("hint: Separate them by commas, as in (--at .*)[.]$", refused.stderr, re.MULTILINE)
+    assert run("inspect", "hook", "--store", registry.root, *place.split()).exit_code == 0
+    assert run("rm", hint[0], "--store", registry.root).exit_code == 0
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "a.npz").touch()
+    refused = run("learn", tmp_path / "data", "-o", tmp_path / "a.h5")
+    assert f"hint: Name its files: {tmp_path / 'data'}/*.npz" in refused.stderr
