@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,18 @@ class View:
     colours: np.ndarray[Any, np.dtype[np.uint8]]
     depths: FloatArray
     surface: IntArray
+
+    def through(self, body: int, behind: View, opacity: float) -> View:
+        """Return the picture with a body translucent; ``behind`` is the same one without it.
+
+        Args:
+            body: Bullet's number of it.
+            behind: What lies behind it.
+            opacity: Of the body, from 0 to 1.
+        """
+        share = opacity * (self.surface == body)[:, :, None]
+        colours = share * self.colours + (1 - share) * behind.colours
+        return replace(behind, colours=np.rint(colours).astype(np.uint8))
 
 
 class Camera:

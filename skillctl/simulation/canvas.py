@@ -16,6 +16,7 @@ Colour: TypeAlias = tuple[int, int, int]
 
 SEEN, FAINT = 255, 80  # opacity in front of and behind surfaces
 WHITE: Colour = (255, 255, 255)
+ARM_OPACITY = 0.6  # of an arm that hides nothing
 SUPERSAMPLING = 4  # the layer is drawn this much larger than shown, for smooth edges
 LINE_SPACING = 2.0  # pixels between the points that a line is drawn through
 SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
@@ -28,10 +29,15 @@ class Canvas:
     Widths and radii are in pixels of the finished picture.
     """
 
-    def __init__(self, stage: Stage, camera: Camera, size: tuple[int, int]) -> None:
-        """Args: stage; camera; size of the finished picture, width and height."""
+    def __init__(
+        self, stage: Stage, camera: Camera, size: tuple[int, int], *, see_through: bool = False
+    ) -> None:
+        """Args: stage; camera; width and height of the finished picture; whether the arm hides nothing."""
         self._camera, self._size, self._floor = camera, size, stage.floor
         self._view = camera.render(stage)
+        if see_through:
+            with stage.without_arm():
+                self._view = self._view.through(stage.body, camera.render(stage), ARM_OPACITY)
         self._layer = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
 

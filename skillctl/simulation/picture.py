@@ -216,7 +216,7 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
         points = np.vstack([motion, near, stage.arm_extent()])
         towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
         camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
-        canvas = Canvas(stage, camera, OVERVIEW)
+        canvas = Canvas(stage, camera, OVERVIEW, see_through=True)
     for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
     for row, trace in visible:
