@@ -38,6 +38,16 @@ def test_every_help_has_an_example_that_names_the_command(run, name):
     assert "--json" in result.stdout
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_line_of_an_example_is_broken_at_80_columns(run, name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERMINAL_WIDTH", "80")
+    lines = run(name, "--help").stdout.split("\n")
+    first = next(i for i, line in enumerate(lines) if line.strip().startswith("Example"))
+    assert max(map(len, lines)) <= 80
+    assert all(line.startswith("  ") for line in lines[first:] if line.strip())
+
+
 def test_the_main_help_has_an_example(run):
     assert "Example:\n    skillctl quickstart" in run("--help").stdout
 
