@@ -45,9 +45,7 @@ def quickstart(
 
     output: Output = context.obj
     with output.progress("working") as progress:
-        report = run_quickstart(
-            directory, announce=lambda command: output.note(f"$ {command}"), progress=progress
-        )
+        report = run_quickstart(directory, announce=output.announce, progress=progress)
     words.explain(output, report.notes)
     output.result(report, lambda: blocks(report))
     raise typer.Exit(ExitCode.DONE if report.success else ExitCode.NEGATIVE)

@@ -44,7 +44,7 @@ target = "cup"
 kind = "shelf"
 
 [grasp]
-lift = 0.06
+lift = 0.06  # higher, and the forearm would meet the upper board
 
 [sampling]
 boards = ["bottom", "top"]

@@ -260,6 +260,21 @@ def test_notes_are_for_people_who_did_not_ask_for_quiet_or_json(capsys):
     assert capsys.readouterr().err == "hello\nasked for\n"
 
 
+def test_a_command_that_is_announced_can_be_pasted(monkeypatch, capsys):
+    command = "skillctl merge bottom-right top-centre --target 0.63,-0.28,0.76 --name top-right"
+    Output().announce(command)
+    assert capsys.readouterr().err == f"$ {command}\n"
+    monkeypatch.setattr("skillctl.cli.output.is_terminal", lambda _: True)
+    monkeypatch.setenv("COLUMNS", "40")
+    Output().announce(command)
+    lines = capsys.readouterr().err.removeprefix("$ ").splitlines()
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= 40
+    typed = ["bash", "-c", "skillctl() { printf '%s\n' skillctl \"$@\"; }\n" + "\n".join(lines)]
+    heard = subprocess.run(typed, capture_output=True, text=True, check=True)
+    assert heard.stdout.split() == command.split()
+
+
 @pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"CI": "true", "TERM": "xterm"}])
 def test_dumb_terminals_and_ci_get_plain_lines(shell, environment):
     assert "\x1b" not in _on_a_terminal(shell, environment)
