@@ -38,11 +38,11 @@ def existing_store(explicit: str | Path | None = None) -> Path:
     """Return the directory of the store to read from; see ``locate_store``.
 
     Raises:
-        NotFoundError: There is nothing at the path that the user has named. The store of the data folder
+        NotFoundError: There is no directory at the path that the user has named. The store of the data folder
             need not exist: nothing was learned yet.
     """
     store = locate_store(explicit)
-    if _named(explicit) and not store.exists():
+    if _named(explicit) and not store.is_dir():
         siblings: list[str] = []
         with suppress(OSError):
             siblings = [entry.name for entry in os.scandir(store.parent) if entry.is_dir()]
@@ -83,10 +83,10 @@ def require_outside_store(file: Path, store: str | Path | None = None) -> None:
     """
     folder = file.parent.resolve()
     root = folder.parent
-    if not is_name(folder.name) or not folder.is_dir():
+    if not is_name(folder.name):
         return
     in_store = root.name == STORE_NAME or root in (locate_store(store), locate_store())
-    versions = [path for path in folder.iterdir() if is_version_file(path.name)]
+    versions = [path for path in folder.glob("*.h5") if is_version_file(path.name)]
     if any(_is_sealed(path) for path in versions) or (in_store and (versions or is_version_file(file.name))):
         raise UsageError(
             f"{printable(str(file))} lies in a store, where versions never change; it will not be written.",

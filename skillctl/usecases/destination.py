@@ -121,8 +121,8 @@ class Destination:
             registry = Registry(locate_store(self.store))
             versions = registry.versions(place)
             return registry.locate(f"{place}@{versions[-1]}") if versions else None
-        require_directory(place)
         require_outside_store(place, self.store)
+        require_directory(place)
         return Located(place) if place.exists() else None
 
 
