@@ -55,6 +55,26 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     return _euclidean(rho, part.lyapunov)
 
 
+def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[int, ...]:
+    """Return the indices of the parts that may be selected somewhere in the box between two corners (d,).
+
+    All others provably are not: on the ball around the box their largest βᵢ pᵢ is below another's smallest.
+    """
+    everyone = tuple(range(len(skill.acting_parts)))
+    if len(everyone) == 1:
+        return everyone
+    centre, radius = 0.5 * (low + high), 0.5 * (1 + GUARD) * float(np.linalg.norm(high - low))
+    try:
+        bounds = [
+            DensityBounds.of(part.density, prior, centre, np.eye(len(low)))
+            for part, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
+        ]
+    except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
+        return everyone
+    least = max(each.lowest(radius) for each in bounds)
+    return tuple(index for index in everyone if not bounds[index].highest(radius) < least)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class DensityBounds:
     """Bounds of log β p(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
+
 from skillctl.arrays import FloatArray
 
 
@@ -37,6 +39,17 @@ class Link(ABC):
     def translated(self, offset: FloatArray) -> Link:
         """Return the link of the motion moved by ``offset`` (d,): c(s − offset) + offset."""
 
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
+
+        They hold the exact images: rounding is added. A link that knows no better returns the whole space.
+        """
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in the boxes from ``low`` to ``high``, as above."""
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -66,6 +79,18 @@ class Chain:
             velocities = link.pull_back(coordinates, velocities)
             coordinates = link.back(coordinates)
         return velocities
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        for link in self.links:
+            low, high = link.bounds_forward(low, high)
+        return low, high
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        for link in reversed(self.links):
+            low, high = link.bounds_back(low, high)
+        return low, high
 
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""
