@@ -128,69 +128,17 @@ def make_skill() -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def make_shears() -> Callable[..., Any]:  # noqa: C901
-    """Return a maker of random links of a matrix and six shears, with bounds by enclosures."""
+def make_shears() -> Callable[..., Any]:
+    """Return a maker of random shears around a target, with bumps of some share of their range."""
     import numpy as np
 
-    from skillctl.model.coordinates.chain import Link
-    from skillctl.model.coordinates.enclosure import Enclosure, inverse_with_error
-
-    class Sheared(Link):
-        """y = S₆ ∘ … ∘ S₁ (L x), S(x) = x + a(w·x) without its part along w; a(t) is a sum of bumps."""
-
-        def __init__(
-            self, matrix: Any, directions: Any, coefficients: Any, centres: Any, width: float
-        ) -> None:
-            self.matrix, self.directions, self.coefficients = matrix, directions, coefficients
-            self.centres, self.width = centres, width
-
-        def _amounts(self, points: Any, i: int) -> Any:
-            z = (
-                np.outer(points @ self.directions[i], np.ones(len(self.centres))) - self.centres
-            ) / self.width
-            at_zero = np.exp(-0.5 * (self.centres / self.width) ** 2)
-            amounts = (np.exp(-0.5 * z**2) - at_zero) @ self.coefficients[i]
-            unit = self.directions[i] / np.linalg.norm(self.directions[i])
-            return amounts - np.outer(amounts @ unit, unit)
-
-        def forward(self, states: Any) -> Any:
-            y = states @ self.matrix.T
-            for i in range(len(self.directions)):
-                y = y + self._amounts(y, i)
-            return y
-
-        def back(self, coordinates: Any) -> Any:
-            for i in reversed(range(len(self.directions))):
-                coordinates = coordinates - self._amounts(coordinates, i)
-            return np.linalg.solve(self.matrix, coordinates.T).T
-
-        def pull_back(self, coordinates: Any, velocities: Any) -> Any:
-            raise NotImplementedError
-
-        def check(self) -> tuple[str, ...]:
-            return ()
-
-        def translated(self, offset: Any) -> Any:
-            raise NotImplementedError
-
-        def bounds_forward(self, low: Any, high: Any) -> Any:
-            enclosure = Enclosure.of(low, high).multiplied(self.matrix)
-            for w, c in zip(self.directions, self.coefficients, strict=True):
-                enclosure = enclosure.sheared(w, c, self.centres, self.width)
-            return enclosure.box()
-
-        def bounds_back(self, low: Any, high: Any) -> Any:
-            enclosure = Enclosure.of(low, high)
-            for w, c in zip(self.directions[::-1], self.coefficients[::-1], strict=True):
-                enclosure = enclosure.sheared(w, -c, self.centres, self.width)
-            return enclosure.multiplied(*inverse_with_error(self.matrix)).box()
+    from skillctl.model.coordinates.shears import Shears
 
     def make(rng: Any, d: int, *, size: float = 0.1, scale: float = 1.0) -> Any:
-        matrix = np.triu(rng.normal(0, 0.3, (d, d)), 1) + np.diag(np.exp(rng.normal(0, 0.3, d)))
+        linear = np.triu(rng.normal(0, 0.3, (d, d)), 1) + np.diag(np.exp(rng.normal(0, 0.3, d)))
         coefficients = size * scale * rng.normal(size=(6, 11, d))
-        return Sheared(
-            matrix, rng.normal(size=(6, d)), coefficients, scale * np.linspace(-2.6, 2.6, 11), 0.6 * scale
-        )
+        spacings = rng.uniform(0.4, 0.6, 6) * scale
+        return Shears(linear, rng.normal(size=(6, d)), -5 * spacings, spacings, coefficients)
 
     return make
 

@@ -97,48 +97,36 @@ def _sum_up(left: float, right: float) -> float:
 
 
 class BentSublevels(Sublevels):
-    """Bounds in other coordinates y = c(ξ), by interval arithmetic over cells."""
+    """Bounds in other coordinates y = ξ* + c(ξ − ξ*), by interval arithmetic over cells."""
 
     def __init__(self, part: ActingSkill) -> None:
-        self._part = part
-        self._attractor = part.attractor[None]
-        self._goal = part.coordinates.forward(self._attractor)
-        with np.errstate(all="ignore"):  # where numbers are beyond float64, bounds are infinite
-            goal = part.coordinates.bounds_forward(self._attractor, self._attractor)
-        self._goal_low, self._goal_high = goal
+        self._attractor, self._lyapunov, self._form = part.attractor, part.lyapunov, part.form
+        self._coordinates = part.coordinates
 
     def level(self, low: FloatArray, high: FloatArray) -> float:
         """Return an upper bound of V over a box, from enclosures of c over its cells."""
 
         def evaluate(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
-            below, above = self._part.coordinates.bounds_forward(lows, highs)
-            _, bounds = _bounds_of_v(
-                self._part.lyapunov, _down(below - self._goal_high), _up(above - self._goal_low)
-            )
-            values = self._part.v_distance(0.5 * (lows + highs)) ** 2
+            _, bounds = _bounds_of_v(self._lyapunov, *self._coordinates.bounds_forward(lows, highs))
+            values = self._form.value(self._coordinates.forward(0.5 * (lows + highs)))
             return bounds[:, None], values[:, None]
 
-        return float(highest(low, high, evaluate)[0])
+        return float(highest(_down(low - self._attractor), _up(high - self._attractor), evaluate)[0])
 
     def extent(self, level: float) -> tuple[FloatArray, FloatArray]:
         """Return the corners of a box around {V ≤ c}, from enclosures of c⁻¹ over cells of {yᵀPy ≤ c}."""
-        centre = self._attractor[0]
-        d = len(centre)
-
-        def sides(low: FloatArray, high: FloatArray) -> FloatArray:
-            return np.concatenate([_up(high - centre), _up(centre - low)], axis=1)
-
-        bounds = self._over_sublevel(level, sides)
-        return _down(centre - bounds[d:]), _up(centre + bounds[:d])
+        bounds = self._over_sublevel(level, lambda low, high: np.concatenate([-low, high], axis=1))
+        below, above = np.split(bounds, 2)
+        return _down(self._attractor - below), _up(self._attractor + above)
 
     def radius(self, near: float) -> float | None:
         """Return a ρ whose {√V ≤ ρ} is seen to lie within ``near`` of the attractor."""
 
         def distance(low: FloatArray, high: FloatArray) -> FloatArray:
-            offsets = np.maximum(_up(high - self._attractor), _up(self._attractor - low))
-            return np.asarray((1 + GUARD) * np.linalg.norm(offsets, axis=1, keepdims=True))
+            farthest = np.maximum(np.abs(low), np.abs(high))
+            return np.asarray((1 + GUARD) * np.linalg.norm(farthest, axis=1, keepdims=True))
 
-        rho = near * math.sqrt(max(float(np.linalg.eigvalsh(self._part.lyapunov)[0]), 0.0))
+        rho = near * math.sqrt(max(float(np.linalg.eigvalsh(self._lyapunov)[0]), 0.0))
         for _ in range(TRIES if rho > 0 else 0):
             reached = float(self._over_sublevel(rho**2, distance)[0])
             if reached <= near:
@@ -147,20 +135,19 @@ class BentSublevels(Sublevels):
         return None
 
     def _over_sublevel(self, level: float, measure: Measure) -> FloatArray:
-        """Return upper bounds of what ``measure`` says of boxes of ξ, over {V ≤ c}."""
-        p, chain = self._part.lyapunov, self._part.coordinates
-        half = np.array(half_sides(Dyadic.of(p), level))
+        """Return upper bounds of what ``measure`` says of boxes of ξ − ξ*, over {V ≤ c}."""
+        half = np.array(half_sides(Dyadic.of(self._lyapunov), level))
         if not np.isfinite(half).all():
             return np.full(measure(-half[None], half[None]).shape[1], np.inf)
 
         def evaluate(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
-            least, _ = _bounds_of_v(p, lows, highs)
-            bounds = measure(*chain.bounds_back(_down(lows + self._goal_low), _up(highs + self._goal_high)))
+            least, _ = _bounds_of_v(self._lyapunov, lows, highs)
+            bounds = measure(*self._coordinates.bounds_back(lows, highs))
             bounds[least > level] = -np.inf
             middle = 0.5 * (lows + highs)  # pushed out to the border of {V ≤ c}, where extremes lie
-            distance = self._part.form.distance(middle)
+            distance = self._form.distance(middle)
             stretch = np.where(distance > 0, math.sqrt(level) / distance, 0.0)
-            points = chain.back(self._goal + stretch[:, None] * middle)
+            points = self._coordinates.back(stretch[:, None] * middle)
             return bounds, measure(points, points)
 
         return highest(-half, half, evaluate)

@@ -10,6 +10,7 @@ import pytest
 
 from skillctl.model.coordinates.chain import IDENTITY, Chain
 from skillctl.model.coordinates.enclosure import Enclosure, inverse_with_error
+from skillctl.model.coordinates.shears import Shears
 
 
 def random_boxes(rng: np.random.Generator, d: int, side: float, n: int = 200) -> Any:
@@ -93,9 +94,8 @@ def test_of_a_matrix_that_may_be_singular_nothing_is_known():
 def test_numbers_beyond_float64_give_the_whole_space():
     low = np.full((1, 2), -np.inf)
     with np.errstate(all="ignore"):
-        for enclosure in (Enclosure.of(low, -low), Enclosure.of(np.zeros((1, 2)), np.full((1, 2), 1e308))):
-            bumps = 1e308 * np.ones((3, 2)), np.arange(3.0), 1.0
-            below, above = enclosure.sheared(np.array([1.0, 0.5]), *bumps).box()
+        for box in ((low, -low), (np.zeros((1, 2)), np.full((1, 2), 1e308))):
+            below, above = Enclosure.of(*box).multiplied(np.full((2, 2), 1e200)).box()
             assert np.isneginf(below).all()
             assert np.isposinf(above).all()
 
@@ -114,3 +114,22 @@ def test_chains_put_links_one_after_the_other(make_shears):
         assert ((least[:, None] <= images) & (images <= most[:, None])).all()
     assert IDENTITY.bounds_forward(low, high) == (low, high)
     assert IDENTITY.bounds_back(low, high) == (low, high)
+
+
+def test_slopes_are_bounded_over_any_stretch_and_exactly_over_a_long_one(make_shears):
+    """The slopes of a shear across the first axis, by differences of what it adds."""
+    rng = np.random.default_rng(4)
+    coefficients = np.stack([np.zeros(5), rng.normal(size=5)], axis=1)[None]
+    link = Shears(np.eye(2), [[2.0, 0.0]], [-1.0], [0.5], coefficients)
+    t = np.linspace(-3, 3, 20_001)  # of x; w·x is twice that, and the bumps span −2 to 2 of it
+    added = link.forward(np.c_[t, 0 * t])[:, 1]
+    slopes = np.diff(added) / np.diff(2 * t)
+    (shear,) = link._shears
+    for middle, reach in ((0.0, 6.0), (0.3, 0.2), (-1.0, 0.5), (1.9, 0.01), (4.0, 0.5), (-2.1, 0.3)):
+        inside = slopes[np.abs(t[1:] + t[:-1] - middle) <= reach]
+        least, most = (bound[0, 1] for bound in shear.slope_bounds(np.array([middle]), np.array([reach])))
+        assert least <= inside.min()
+        assert most >= inside.max()
+        if reach == 6.0:  # a difference is a slope somewhere between: it misses by the grid times |a″|
+            assert least == pytest.approx(inside.min(), abs=1e-3)
+            assert most == pytest.approx(inside.max(), abs=1e-3)

@@ -151,14 +151,11 @@ def test_with_coordinates_that_know_no_bounds_nothing_is_claimed(make_skill):
         def back(self, coordinates):
             return -coordinates
 
-        def pull_back(self, coordinates, velocities):
-            return -velocities
+        def tangent(self, offsets):
+            return -offsets, lambda velocities: -velocities
 
         def check(self):
             return ()
-
-        def translated(self, offset):
-            raise NotImplementedError
 
     skill = replace(make_skill(np.random.default_rng(0)), coordinates=Chain((Mirror(),)))
     reach = reach_of(skill, [0.1, 0.1], [0.2, 0.2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,26 @@ from skillctl.arrays import FloatArray
 # Each result below is a sum of fewer than a thousand float64 terms, each good to a few units in the last
 # place (2^-52); this share of their magnitudes is more than that.
 GUARD = 2.0**-38
+
+
+class Shear(Protocol):
+    """What is asked of a shear x + a(w·x), w·a = 0.
+
+    Attributes:
+        direction: w, shape (d,).
+        blur: How far rounding moves w·x before it gets to a, as multiples of ``GUARD``, beside w·x itself.
+        sizes: Magnitude of what is added up to a, shape (d,).
+    """
+
+    direction: FloatArray
+    blur: float
+    sizes: FloatArray
+
+    def amounts(self, places: FloatArray) -> FloatArray:
+        """Return a at places t (n,). Shape (n, d)."""
+
+    def slope_bounds(self, places: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of a′ within ``reach`` (n,) of places t (n,), rounded outwards. Shape (n, d) each."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,11 +66,6 @@ class Enclosure:
         identity = np.broadcast_to(np.eye(low.shape[1]), (*low.shape, low.shape[1]))
         return cls(centre, identity, np.zeros_like(identity), half, np.zeros_like(centre))
 
-    def moved(self, offset: FloatArray) -> Enclosure:
-        """Return the set moved by ``offset`` (d,)."""
-        slack = self.slack + GUARD * (np.abs(self.centre) + np.abs(offset))
-        return Enclosure(self.centre + offset, self.jacobian, self.spread, self.half, slack)
-
     def multiplied(self, matrix: FloatArray, error: FloatArray | float = 0.0) -> Enclosure:
         """Return the image under a matrix (d, d) that is known up to ``error`` in each entry."""
         size = np.abs(matrix)
@@ -62,44 +78,28 @@ class Enclosure:
             self.slack @ size.T + (np.abs(self.centre) + self.slack) @ error.T,
         )
 
-    def sheared(
-        self, direction: FloatArray, coefficients: FloatArray, centres: FloatArray, width: float
-    ) -> Enclosure:
-        """Return the image under x + Π a(w·x), a(t) = Σⱼ cⱼ (ψⱼ(t) − ψⱼ(0)), ψⱼ(t) = exp(−½((t − tⱼ)/σ)²).
-
-        Args:
-            direction: w ≠ 0, shape (d,); Π = I − w wᵀ/‖w‖².
-            coefficients: cⱼ, shape (m, d).
-            centres: tⱼ, shape (m,).
-            width: σ > 0.
-        """
-        w, w_size = direction, np.abs(direction)
-        outer = np.outer(w, w) / (w @ w)
-        amounts = coefficients - coefficients @ outer
-        sizes = np.abs(coefficients) @ (np.eye(len(w)) + np.abs(outer))
+    def sheared(self, shear: Shear, sign: int = 1) -> Enclosure:
+        """Return the image under x ± a(w·x), + or − by ``sign``."""
+        w, w_size = shear.direction, np.abs(shear.direction)
         along = self.centre @ w
-        along_error = GUARD * (np.abs(self.centre) @ w_size)
+        uncertain = self.slack @ w_size + GUARD * (np.abs(self.centre) @ w_size + shear.blur)
         row = np.einsum("i,nij->nj", w, self.jacobian)  # wᵀ J
         row_size = np.einsum("i,nij->nj", w_size, np.abs(self.jacobian))
         row_spread = np.einsum("i,nij->nj", w_size, self.spread) + GUARD * row_size
-        uncertain = self.slack @ w_size + along_error
-        reach = ((np.abs(row) + row_spread) * self.half).sum(axis=1) * (1 + GUARD) + uncertain
+        reach = (1 + GUARD) * (((np.abs(row) + row_spread) * self.half).sum(axis=1) + uncertain)
 
-        values = _bumps(along, centres, width) - _bumps(np.zeros(1), centres, width)
-        value_error = GUARD * (2 + (np.abs(along)[:, None] + 2 * np.abs(centres)) / width) @ sizes
-        middle, radius = _slopes(along, reach, centres, width)
-        slope = middle @ amounts  # Π a′ over all of the set, up to `slope_spread`
-        slope_spread = radius @ np.abs(amounts) + GUARD * (np.abs(middle) + radius) @ sizes
+        least, most = shear.slope_bounds(along, reach)
+        slope, slope_spread = sign * 0.5 * (least + most), (0.5 + GUARD) * (most - least)
         steepest = np.abs(slope) + slope_spread
-
         change = slope[:, :, None] * row[:, None]
         spread = steepest[:, :, None] * row_spread[:, None] + slope_spread[:, :, None] * np.abs(row)[:, None]
+        rounding = GUARD * (np.abs(self.centre) + shear.sizes)
         return Enclosure(
-            self.centre + values @ amounts,
+            self.centre + sign * shear.amounts(along),
             self.jacobian + change,
             self.spread + spread + GUARD * (np.abs(self.jacobian) + np.abs(change)),
             self.half,
-            self.slack + steepest * uncertain[:, None] + value_error + GUARD * np.abs(self.centre),
+            self.slack + steepest * uncertain[:, None] + rounding,
         )
 
     def box(self) -> tuple[FloatArray, FloatArray]:
@@ -109,29 +109,6 @@ class Enclosure:
         low = np.nextafter(self.centre - reach, -np.inf)
         high = np.nextafter(self.centre + reach, np.inf)
         return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
-
-
-def _bumps(along: FloatArray, centres: FloatArray, width: float) -> FloatArray:
-    """Return ψⱼ(t) for t (n,). Shape (n, m)."""
-    return np.asarray(np.exp(-0.5 * ((along[:, None] - centres) / width) ** 2))
-
-
-def _slopes(
-    along: FloatArray, reach: FloatArray, centres: FloatArray, width: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return middle and radius of the range of ψⱼ′ over [t − r, t + r], for t and r (n,). Shape (n, m) each.
-
-    ψⱼ′ = −z exp(−½z²)/σ in z = (t − tⱼ)/σ falls between its extrema at z = ±1 and rises outside of them.
-    """
-    rounding = GUARD * (1 + (np.abs(along) + reach)[:, None] + np.abs(centres)) / width
-    low = (along - reach)[:, None] - centres
-    high = (along + reach)[:, None] - centres
-    low, high = low / width - rounding, high / width + rounding
-    ends = np.stack([-z * np.exp(-0.5 * z**2) for z in (low, high)])
-    peak = np.exp(-0.5)
-    least = np.where((low <= 1) & (high >= 1), -peak, ends.min(axis=0)) / width
-    most = np.where((low <= -1) & (high >= -1), peak, ends.max(axis=0)) / width
-    return 0.5 * (least + most), 0.5 * (most - least) + GUARD / width
 
 
 def inverse_with_error(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
