@@ -133,3 +133,16 @@ def test_slopes_are_bounded_over_any_stretch_and_exactly_over_a_long_one(make_sh
         if reach == 6.0:  # a difference is a slope somewhere between: it misses by the grid times |a″|
             assert least == pytest.approx(inside.min(), abs=1e-3)
             assert most == pytest.approx(inside.max(), abs=1e-3)
+
+
+@pytest.mark.parametrize("side", [0.01, 0.05, 0.2])
+def test_where_shears_across_two_axes_alternate_no_image_is_lost(side):
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        directions, coefficients = np.tile(np.eye(2), (2, 1)), rng.normal(0, 0.5, (4, 5, 2))
+        link = Shears(np.eye(2), directions, np.full(4, -1.0), np.full(4, 0.5), coefficients)
+        centres = rng.uniform(-1, 1, (200, 2))
+        shares = rng.choice([-0.5, -0.25, 0.0, 0.25, 0.5], size=(1, 300, 2))
+        images = link.forward((centres[:, None] + side * shares).reshape(-1, 2)).reshape(200, 300, 2)
+        least, most = link.bounds_forward(centres - side / 2, centres + side / 2)
+        assert ((least[:, None] <= images) & (images <= most[:, None])).all()

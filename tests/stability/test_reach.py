@@ -10,11 +10,13 @@ import pytest
 
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import Chain, Link
+from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
 from skillctl.stability.certificate import certify
 from skillctl.stability.exact import Dyadic, inverse_diagonal, root_above, rounded_up
+from skillctl.stability.parts import proved_rate
 from skillctl.stability.reach import bound_reach
 from skillctl.stability.sublevels import sublevels_of
 
@@ -69,6 +71,16 @@ def test_the_time_of_arrival_is_that_computed_by_hand(make_skill):
     assert reach.measured.arrival == pytest.approx(0.1 * steps, rel=1e-12)  # the farthest start is a corner
     assert reach.measured.low == pytest.approx((0.5 * 0.8**steps,), rel=1e-9)
     assert reach.measured.high == (1.0,)
+
+
+def test_a_rate_that_is_estimated_too_high_is_found_out(make_skill, monkeypatch):
+    """1.98 is a rate of ξ̇ = −2 ξ, but not of its steps of 0.1 s, which have 1.8."""
+    skill = with_one_matrix(
+        make_skill(np.random.default_rng(0), dimension=1, n_components=1), [[-2.0]], [[1.0]]
+    )
+    monkeypatch.setattr(QuadraticForm, "rates", lambda self, matrices, period=0.0: np.array([1.98]))
+    assert 0.9 <= proved_rate(skill, 1.0, 0.1) <= 1.8
+    assert proved_rate(skill, 1.0, 1e-6) == pytest.approx(1.98, rel=1e-9)
 
 
 def test_motions_that_start_at_the_attractor_have_arrived(make_skill):
