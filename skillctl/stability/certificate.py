@@ -24,7 +24,7 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
 
     Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. For
     the whole it follows: A SEDS or merged skill is one part. A latched combined skill runs one part to its
-    end. An instantaneous one with one attractor and one P shrinks that P-norm whichever part acts, sliding
+    end. An instantaneous one with one attractor, one P and one c shrinks that V whichever part acts, sliding
     motions included. In all other cases switching can trap a motion on a border between regions: then only
     a radius around each attractor is proved, and rollouts search for a witness.
 
@@ -78,7 +78,10 @@ def _parts_suffice(skill: Skill) -> bool:
     members = skill.acting_parts
     if not skill.reselects or len(members) == 1:
         return True
-    return len(skill.attractors) == 1 and all(part.form == members[0].form for part in members)
+    first = members[0]
+    return len(skill.attractors) == 1 and all(
+        part.form == first.form and part.coordinates == first.coordinates for part in members
+    )
 
 
 def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ...]) -> bool:
@@ -127,8 +130,9 @@ def _global_statement(skill: Skill) -> str:
 def _open_question(skill: Skill) -> str:
     if len(skill.attractors) == 1:
         return (
-            "The parts have different P, and the instantaneous gate may switch between them for ever: "
-            "no common measure of distance is known to shrink. Combine with a common P, or latched."
+            "The parts have different P or coordinates, and the instantaneous gate may switch between them "
+            "for ever: no common measure of distance is known to shrink. Combine parts that share both, or "
+            "latched."
         )
     return (
         "The parts have different attractors, and the instantaneous gate may hold a motion on the border "

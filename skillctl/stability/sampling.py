@@ -11,6 +11,7 @@ from skillctl.geometry import box
 from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.skill import Skill
 from skillctl.stability.report import Motions, PartCertificate, Sampling
+from skillctl.stability.sublevels import sublevels_of
 
 STARTS = 100  # if motions from 5 % of the box do not converge, only 1 of 170 searches finds none of them
 DEVIATIONS = 3.0  # the box reaches this many standard deviations around every Gaussian of the data
@@ -115,16 +116,13 @@ def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
 
 
 def _arrival_bound(skill: Skill, parts: tuple[PartCertificate, ...], starts: FloatArray) -> float:
-    """Return the time by which each part on its own has provably arrived from every start; inf if unproved.
-
-    ‖e‖_P ≤ δ √λ_min(P) lies within the arrival distance δ.
-    """
+    """Return when each part on its own has provably arrived from every start; infinite if unproved."""
     times = []
     for part, proof in zip(skill.acting_parts, parts, strict=True):
-        if proof.rate is None:
+        near = None if proof.rate is None else sublevels_of(part).radius(arrival_distance_of(skill))
+        if proof.rate is None or near is None:
             return math.inf
         farthest = float(part.v_distance(starts).max())
-        near = arrival_distance_of(skill) * math.sqrt(float(np.linalg.eigvalsh(part.lyapunov)[0]))
         times.append(math.log(max(farthest / near, math.e)) / proof.rate)
     return max(times)
 
