@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.rollout import arrival_distance_of
@@ -77,8 +80,8 @@ class Reach:
 def bound_reach(
     skill: Skill,
     certificate: Certificate,
-    low: FloatArray,
-    high: FloatArray,
+    low: npt.ArrayLike,
+    high: npt.ArrayLike,
     *,
     period: float | None = None,
     seed: int = 0,
@@ -109,6 +112,7 @@ def bound_reach(
     References:
         Theory page, bounds of a motion; ours.
     """
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     if len(low) > MOST_COORDINATES:
         raise UsageError(f"start-box: bounds need {MOST_COORDINATES} coordinates or fewer, not {len(low)}.")
     period = 0.5 * (certificate.period or 0.0) if period is None else period

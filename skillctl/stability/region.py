@@ -62,7 +62,9 @@ def certified_radius(skill: Skill, index: int) -> float | None:
 def _within(sublevels: Sublevels, attractor: FloatArray, radius: float) -> float | None:
     """Return R with {‖ξ − ξ*‖ ≤ R} in a {√V ≤ σ} in {‖ξ − ξ*‖ ≤ radius}; None if none was found."""
     sigma = sublevels.radius(radius)
-    for _ in range(TRIES if sigma else 0):
+    if sigma is None:
+        return None
+    for _ in range(TRIES):
         level = sublevels.level(attractor - radius, attractor + radius)
         if level <= sigma**2 * (1 - GUARD):
             return radius * (1 - GUARD)

@@ -76,7 +76,7 @@ class Requirements:
         read=read_box,
         metavar="X1:X2,Y1:Y2,…",
         group=REQUIRED,
-        help="Undisturbed motions from the start box never leave this box; 0: is a side without an end.",
+        help="Undisturbed motions from the start box never leave this box. A side may be open, as in 0:.",
     )
     signer: str | None = None
 

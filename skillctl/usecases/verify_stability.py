@@ -8,10 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-import numpy as np
-
-from skillctl.arrays import FloatArray
 from skillctl.errors import SkillctlError, StoreError, UsageError
+from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
@@ -172,19 +170,13 @@ def _reach(source: Source, certificate: Certificate, required: Requirements) -> 
             )
     if required.start_box is None:
         return None
-    low, high = _starts(source) if required.start_box == DEMOS else np.array(required.start_box).T
+    if required.start_box == DEMOS:
+        starts = demonstrated_starts(source.skill, source.artifact.demonstrations)
+        if not len(starts):
+            raise UsageError(
+                f"start-box: {source.name} carries no demonstrations.",
+                hint="Give the ranges of its coordinates.",
+            )
+        return bound_reach(source.skill, certificate, *box(starts), period=required.period)
+    low, high = zip(*required.start_box, strict=True)
     return bound_reach(source.skill, certificate, low, high, period=required.period)
-
-
-def _starts(source: Source) -> tuple[FloatArray, FloatArray]:
-    """Return the box around the starts of all demonstrations, seen from the targets where they are now."""
-    motions = [
-        leaf.attractor + (motion.positions[0] - motion.positions[-1])
-        for leaf, demonstrations in zip(source.skill.leaves, source.artifact.demonstrations, strict=True)
-        for motion in demonstrations or ()
-    ]
-    if not motions:
-        raise UsageError(
-            f"start-box: {source.name} carries no demonstrations.", hint="Give the ranges of its coordinates."
-        )
-    return box(np.stack(motions))
