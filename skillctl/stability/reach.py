@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.coordinates.enclosure import GUARD
 from skillctl.model.rollout import arrival_distance_of
 from skillctl.model.skill import Skill
 from skillctl.model.space import Space
@@ -17,7 +18,7 @@ from skillctl.stability.parts import proved_rate
 from skillctl.stability.region import selectable_parts
 from skillctl.stability.report import Certificate, Motions, at_least, at_most
 from skillctl.stability.sampling import follow_box
-from skillctl.stability.sublevels import GUARD, sublevels_of
+from skillctl.stability.sublevels import sublevels_of
 
 MOST_COORDINATES = 14  # 2^14 vertices of the start box, each an exact number
 

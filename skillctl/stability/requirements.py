@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 REQUIRED = "What has to be proved"
 DEMOS: Literal["demos"] = "demos"
 
-Box: TypeAlias = tuple[tuple[float, float], ...]  # lowest and highest value of each coordinate
+Ranges: TypeAlias = tuple[tuple[float, float], ...]  # lowest and highest value of each coordinate
 
 
-def read_box(text: str) -> Box:
+def read_box(text: str) -> Ranges:
     """Read ``0.1:0.3,0.2,0:``, a range or a number for each coordinate, or raise ValueError."""
     try:
         return tuple(map(_read_range, text.split(",")))
@@ -27,7 +27,7 @@ def read_box(text: str) -> Box:
         raise ValueError(f"{text!r} is not a range for each coordinate, as in 0.1:0.3,-0.2:0.2.") from None
 
 
-def read_start_box(text: str) -> Box | Literal["demos"]:
+def read_start_box(text: str) -> Ranges | Literal["demos"]:
     """Read ``demos``, or a box; or raise ValueError."""
     return DEMOS if text == DEMOS else read_box(text)
 
@@ -65,14 +65,14 @@ class Requirements:
     min_rate: float | None = option(
         metavar="R", group=REQUIRED, help="A decay rate of at least this, in 1/s."
     )
-    start_box: Box | Literal["demos"] | None = option(
+    start_box: Ranges | Literal["demos"] | None = option(
         read=read_start_box,
         metavar="X1:X2,Y1:Y2,…|demos",
         group=REQUIRED,
         help="Bound where motions from this box go, and when they arrive. demos: the box around the starts "
         "of the skill's demonstrations.",
     )
-    stay_in: Box | None = option(
+    stay_in: Ranges | None = option(
         read=read_box,
         metavar="X1:X2,Y1:Y2,…",
         group=REQUIRED,
@@ -118,7 +118,7 @@ class Requirements:
         return numbers + (() if self.stay_in is None else _ways_out(self.stay_in, reach))
 
 
-def _ways_out(stay_in: Box, reach: Reach | None) -> tuple[str, ...]:
+def _ways_out(stay_in: Ranges, reach: Reach | None) -> tuple[str, ...]:
     """Return on which sides motions may leave a box, and how far, in sentences."""
     if reach is None:
         return ("Required is a box that motions stay in; no bound of their way is proved.",)

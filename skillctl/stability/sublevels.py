@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.model.coordinates.enclosure import GUARD
 from skillctl.model.skill import ActingSkill
 from skillctl.stability.cells import highest
 from skillctl.stability.exact import (
@@ -23,10 +24,9 @@ from skillctl.stability.exact import (
     rounded_up,
 )
 
-# From boxes (n, d) of states to numbers (n, k) that no state in them exceeds.
+# From boxes (n, d) of offsets ξ − ξ* to numbers (n, k) that no offset in them exceeds.
 Measure: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 
-GUARD = 2.0**-38  # a share of the magnitudes that is far above the rounding of a few hundred operations
 TRIES = 50  # the first or second radius passes, unless the coordinates bend within the arrival distance
 
 
