@@ -11,7 +11,7 @@ from skillctl.arrays import FloatArray, IntArray
 from skillctl.geometry import phases
 from skillctl.learning.augmentation import displaced_paths, distant_samples
 from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, rollout_sensitivities, spread_root
-from skillctl.learning.preprocess import TrainingData
+from skillctl.learning.preprocess import TrainingData, lifted
 
 # A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
 # (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
@@ -110,19 +110,21 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.paths, self.path_weights = displaced_paths(
+        displaced, self.path_weights = displaced_paths(
             data.positions, weights.displacement, weights.displaced_share
         )
+        flat = displaced.reshape(-1, data.dimension)
+        paths, _, path_factors = lifted(data.coordinates, flat, np.zeros_like(flat))
+        self.paths = paths.reshape(displaced.shape)
+        self.path_factors = None if path_factors is None else path_factors.reshape(*displaced.shape, -1)
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.root = spread_root(data.points[0])
-        near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
-        self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
+        near = data.states, data.velocities.reshape(-1, data.dimension)
+        distant = distant_samples(data, weights.distances if rollouts else ())
         counts = len(near[0]), len(distant[0])
-        self.factors = self.path_factors = None
-        if data.weights is not None:
-            factors = data.weights.reshape(-1, *data.weights.shape[2:])
-            self.factors = np.concatenate([factors, factors[sources]])
-            self.path_factors = np.tile(data.weights, (len(self.paths) // len(data.weights), 1, 1, 1))
+        samples = (np.vstack(pair) for pair in zip(near, distant, strict=True))
+        y, targets, self.factors = lifted(data.coordinates, *samples)
+        self.positions, self.targets = y.T.copy(), targets.T.copy()
         shares = 1 / counts[0], weights.distant_weight / max(counts[1], 1)
         self.velocity_weights = np.sqrt(np.repeat(shares, counts))
         self.ridge = weights.ridge if rollouts else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
 from skillctl.geometry import extent
+from skillctl.model.coordinates.chain import IDENTITY, Chain
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
@@ -27,8 +28,7 @@ class TrainingData:
         length_scale: One unit of position, in the unit of the space.
         speed_scale: One unit of velocity, per second.
         attractor: Mean end point, shape (d,), in the unit of the space.
-        weights: W of each sample, shape (D, T, d, d), or None for the identity: of an error e there, in
-            position or in velocity, the length of W e counts.
+        coordinates: c, on positions in these units. The mixture is learned of y = c(ξ); errors count in ξ.
     """
 
     positions: FloatArray
@@ -37,7 +37,7 @@ class TrainingData:
     length_scale: float
     speed_scale: float
     attractor: FloatArray
-    weights: FloatArray | None = None
+    coordinates: Chain = IDENTITY
 
     @property
     def dimension(self) -> int:
@@ -46,14 +46,41 @@ class TrainingData:
 
     @property
     def points(self) -> tuple[FloatArray, FloatArray]:
-        """All positions and velocities stacked, each of shape (D·T, d)."""
-        d = self.dimension
-        return self.positions.reshape(-1, d), self.velocities.reshape(-1, d)
+        """All y and ẏ stacked, each of shape (D·T, d)."""
+        return lifted(self.coordinates, self.states, self.velocities.reshape(-1, self.dimension))[:2]
+
+    @property
+    def states(self) -> FloatArray:
+        """All positions stacked, shape (D·T, d)."""
+        return self.positions.reshape(-1, self.dimension)
+
+    @property
+    def paths(self) -> FloatArray:
+        """The demonstrations as y, shape (D, T, d)."""
+        return self.points[0].reshape(self.positions.shape)
 
     @property
     def time_scale(self) -> float:
         """One unit of time, [s]."""
         return self.length_scale / self.speed_scale
+
+
+def lifted(
+    coordinates: Chain, positions: FloatArray, velocities: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return y = c(ξ), ẏ = Dc ξ̇ and W = Dc⁻¹ for positions and velocities (n, d).
+
+    A small error e of y, or of ẏ, is one of W e in the state: what counts.
+
+    Returns:
+        y and ẏ, shape (n, d), and W, shape (n, d, d), or None for the identity.
+    """
+    if not coordinates.links:
+        return positions, velocities, None
+    y, pull = coordinates.tangent(positions)
+    columns = [pull(np.tile(unit, (len(positions), 1))) for unit in np.eye(positions.shape[1])]
+    factors = np.stack(columns, axis=2)
+    return y, np.linalg.solve(factors, velocities[..., None])[..., 0], factors
 
 
 def without_spikes(demonstration: Demonstration) -> Demonstration:

@@ -30,12 +30,15 @@ def certified_radius(skill: Skill, index: int) -> float | None:
 
     Returns:
         The radius of the largest Euclidean ball inside the largest such ball, in the unit of the space; None
-        if the part does not provably act at its own attractor.
+        if the part does not provably act at its own attractor, or has learned coordinates, in which these
+        balls have no such bounds.
 
     References:
         Theory page, verification; the bounds are ours.
     """
     part = skill.acting_parts[index]
+    if part.coordinates.links:
+        return None
     try:
         bounds = [
             DensityBounds.of(other.density, prior, part.attractor, part.lyapunov)

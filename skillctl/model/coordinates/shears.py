@@ -231,7 +231,8 @@ class _Shear:
         f, cubics = u - index, self._lists[index]
         per_length = self._per_length
         amount = [
-            ((p3 * f + p2) * f + p1) * f + p0 - s for (p0, p1, p2, p3), s in zip(cubics, self._zero, strict=True)
+            ((p3 * f + p2) * f + p1) * f + p0 - s
+            for (p0, p1, p2, p3), s in zip(cubics, self._zero, strict=True)
         ]
         return amount, [((3 * p3 * f + 2 * p2) * f + p1) * per_length for _, p1, p2, p3 in cubics]
 
