@@ -12,12 +12,14 @@ from skillctl.learning.augmentation import displaced_paths, distant_samples
 from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, spread_root
 from skillctl.learning.moments import VelocityMoments
 from skillctl.learning.preprocess import TrainingData
+from skillctl.learning.representatives import representatives
 from skillctl.learning.sensitivity import RolloutSlopes
 
 # A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
 # (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
 MOST_CONVEX = 80.0
 
+MOST_ROLLED = 30  # demonstrations that are rolled out; the velocities of all count
 NODES = 8  # times at which rollouts count in the Gauss–Newton matrix; tuned on the 30 LASA motions
 
 
@@ -90,10 +92,10 @@ class Evaluation:
 class LearningObjective:
     """½‖r‖² of velocity residuals and, if wanted, rollout residuals with their matching.
 
-    Every demonstration is matched both ways: each of its points to the nearest place on the rollout
-    from its start, each rollout state to the nearest place on the demonstration, where places a share
-    of the path apart cost extra (``phase``). The matching is redone at every evaluation and held fixed
-    inside the Jacobian.
+    Every demonstration, or ``MOST_ROLLED`` that stand for all, is matched both ways: each of its points
+    to the nearest place on the rollout from its start, each rollout state to the nearest place on the
+    demonstration, where places a share of the path apart cost extra (``phase``). The matching is redone
+    at every evaluation and held fixed inside the Jacobian.
 
     With rollouts, two terms determine the field where there are no data: velocities on copies far beside the
     demonstrations, and a ridge on A_k, negligible at the speed of the motion. Without them components
@@ -110,10 +112,13 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.paths, self.path_weights = displaced_paths(
-            data.positions, weights.displacement, weights.displaced_share
+        chosen, shares = representatives(data.positions, MOST_ROLLED)
+        self.paths, path_weights = displaced_paths(
+            data.positions[chosen], weights.displacement, weights.displaced_share
         )
-        self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
+        copies = len(self.paths) // len(chosen)
+        self.path_weights = path_weights * len(chosen) * np.tile(shares, copies)
+        self.steps = np.tile(data.steps[chosen], copies) / substeps
         self.root = spread_root(data.points[0])
         near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
         positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
@@ -124,7 +129,7 @@ class LearningObjective:
             factors = data.weights.reshape(-1, *data.weights.shape[2:])
             factors = np.concatenate([factors, factors[sources]])
             metric = factors.swapaxes(1, 2) @ factors
-            self.path_factors = np.tile(data.weights, (len(self.paths) // len(data.weights), 1, 1, 1))
+            self.path_factors = np.tile(data.weights[chosen], (copies, 1, 1, 1))
         self.moments = VelocityMoments(positions, np.repeat(shares, counts), metric)
         self.ridge = weights.ridge if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
