@@ -123,14 +123,14 @@ class LearningObjective:
         near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
         positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
         counts = len(near[0]), len(distant[0])
-        shares = 1 / counts[0], weights.distant_weight / max(counts[1], 1)
+        point_weights = np.repeat([1 / counts[0], weights.distant_weight / max(counts[1], 1)], counts)
         metric = self.path_factors = None
         if data.weights is not None:
             factors = data.weights.reshape(-1, *data.weights.shape[2:])
             factors = np.concatenate([factors, factors[sources]])
             metric = factors.swapaxes(1, 2) @ factors
             self.path_factors = np.tile(data.weights[chosen], (copies, 1, 1, 1))
-        self.moments = VelocityMoments(positions, np.repeat(shares, counts), metric)
+        self.moments = VelocityMoments(positions, point_weights, metric)
         self.ridge = weights.ridge if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = phases(self.paths)
