@@ -12,10 +12,11 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.geometry import extent
 from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
+from skillctl.learning.objective import reproduction_error
 from skillctl.learning.options import Coordinates, LearnOptions, Preset
 from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.parameters import skill_of
-from skillctl.learning.preprocess import TrainingData, align, embedded, lifted, resample, training_data
+from skillctl.learning.preprocess import TrainingData, align, embedded, resample, training_data
 from skillctl.learning.select import component_limit, select_components
 from skillctl.learning.shears import BENDING, in_unit, learn_shears, samples_of
 from skillctl.learning.solve import solve
@@ -135,10 +136,14 @@ def _fit(
     choices, learned = _measured(aligned, data, options, distance)
     n_components = _n_components(aligned, *choices[0], options, progress)
     solutions = [solve(each, metric, n_components, options, progress) for each, metric in choices]
-    best = min(range(len(choices)), key=lambda index: solutions[index].objective)
+    best = 0
+    if len(choices) > 1:  # only the motions tell which is the better: objectives of other coordinates differ
+        best = int(
+            np.argmin([reproduction_error(d, s.field) for (d, _), s in zip(choices, solutions, strict=True)])
+        )
     solution, (data, metric) = solutions[best], choices[best]
     bound = _bound(metric, data)
-    share = rising_share(metric, data.paths)
+    share = rising_share(metric, data.moved.positions)
     results = (*learned[best], *solution.results)
     return Fit(
         skill=skill_of(solution.field, solution.density, data, metric, demonstrations.space),
@@ -205,7 +210,7 @@ def _measured(
     for bending in BENDING if rollouts else BENDING[:1]:
         shears, bent = learn_shears([dense], bending)
         each = replace(data, coordinates=Chain((shears,)))
-        metric, results = _metric([each.paths], options)
+        metric, results = _metric([each.moved.positions], options)
         choices.append((each, metric))
         ended.append((bent, *results))
     return choices, ended
@@ -243,9 +248,10 @@ def _bound(metric: FloatArray, data: TrainingData) -> float:
 
     A distance in y is at most the stretch of φ times that in the state; the stretch on the path is taken.
     """
-    _, _, factors = lifted(data.coordinates, data.states, data.states)
+    moved = data.moved
+    factors = data.factors(moved.states)
     stretch = 1.0 if factors is None else 1 / float(np.linalg.svd(factors, compute_uv=False)[:, -1].min())
-    return deviation_bound(metric, data.paths) * data.length_scale / stretch
+    return deviation_bound(metric, moved.positions) * data.length_scale / stretch
 
 
 def _contradictions(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
 from skillctl.geometry import extent
-from skillctl.model.coordinates.chain import IDENTITY, Chain
+from skillctl.model.coordinates.chain import IDENTITY, Chain, Pull
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
@@ -45,19 +45,38 @@ class TrainingData:
         return int(self.positions.shape[2])
 
     @property
-    def points(self) -> tuple[FloatArray, FloatArray]:
-        """All y and ẏ stacked, each of shape (D·T, d)."""
-        return lifted(self.coordinates, self.states, self.velocities.reshape(-1, self.dimension))[:2]
-
-    @property
     def states(self) -> FloatArray:
         """All positions stacked, shape (D·T, d)."""
         return self.positions.reshape(-1, self.dimension)
 
     @property
-    def paths(self) -> FloatArray:
-        """The demonstrations as y, shape (D, T, d)."""
-        return self.points[0].reshape(self.positions.shape)
+    def moved(self) -> TrainingData:
+        """The same of y = c(ξ), as if it were the state: what the mixture moves."""
+        if not self.coordinates.links:
+            return self
+        y, pull = self.coordinates.tangent(self.states)
+        velocities = np.linalg.solve(_inverse(pull, *y.shape), self.velocities.reshape(*y.shape, 1))
+        shape = self.positions.shape
+        return replace(
+            self, positions=y.reshape(shape), velocities=velocities.reshape(shape), coordinates=IDENTITY
+        )
+
+    @property
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """All y and ẏ stacked, each of shape (D·T, d)."""
+        moved = self.moved
+        return moved.states, moved.velocities.reshape(-1, self.dimension)
+
+    def factors(self, coordinates: FloatArray) -> FloatArray | None:
+        """Return W = Dc⁻¹ at y (..., d), shape (..., d, d), or None for the identity.
+
+        A small error e of y, or of ẏ, is one of W e in the state: that is what counts.
+        """
+        if not self.coordinates.links:
+            return None
+        y = coordinates.reshape(-1, self.dimension)
+        _, pull = self.coordinates.tangent(self.coordinates.back(y))
+        return _inverse(pull, *y.shape).reshape(*coordinates.shape, -1)
 
     @property
     def time_scale(self) -> float:
@@ -65,22 +84,9 @@ class TrainingData:
         return self.length_scale / self.speed_scale
 
 
-def lifted(
-    coordinates: Chain, positions: FloatArray, velocities: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return y = c(ξ), ẏ = Dc ξ̇ and W = Dc⁻¹ for positions and velocities (n, d).
-
-    A small error e of y, or of ẏ, is one of W e in the state: what counts.
-
-    Returns:
-        y and ẏ, shape (n, d), and W, shape (n, d, d), or None for the identity.
-    """
-    if not coordinates.links:
-        return positions, velocities, None
-    y, pull = coordinates.tangent(positions)
-    columns = [pull(np.tile(unit, (len(positions), 1))) for unit in np.eye(positions.shape[1])]
-    factors = np.stack(columns, axis=2)
-    return y, np.linalg.solve(factors, velocities[..., None])[..., 0], factors
+def _inverse(pull: Pull, count: int, dimension: int) -> FloatArray:
+    """Return Dc⁻¹ at ``count`` points from what leads velocities back there. Shape (count, d, d)."""
+    return np.stack([pull(np.tile(unit, (count, 1))) for unit in np.eye(dimension)], axis=2)
 
 
 def without_spikes(demonstration: Demonstration) -> Demonstration:

@@ -224,7 +224,7 @@ def test_a_fit_says_how_its_stages_ended(curved: Curved, options: dict[str, str]
 def test_a_fit_that_runs_out_of_steps_while_it_still_gains_is_warned_about(
     lasa: Callable[[str], DemonstrationSet],
 ) -> None:
-    result = fit(lasa("Line"), LearnOptions(preset="fast"))
+    result = fit(lasa("Multi_Models_2"), LearnOptions(preset="fast"))
     (warning,) = result.warnings
     last = result.results[-1]
     assert not result.converged

@@ -11,7 +11,7 @@ from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
 from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
-from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
+from skillctl.learning.objective import LearningObjective, Weights, _nearest_place, _weighted
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
 from skillctl.model.coordinates.chain import Chain
@@ -56,7 +56,7 @@ def ridge_of(objective: LearningObjective) -> Callable[[Field], np.ndarray]:
 def test_only_fits_by_rollouts_look_beyond_the_data_and_have_a_ridge(data: TrainingData) -> None:
     plain = LearningObjective(data, rollouts=False)
     assert plain.ridge == 0
-    assert plain.positions.shape[1] == len(data.points[0])
+    assert plain.moments.positions.shape[1] == len(data.points[0])
 
 
 def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
@@ -117,8 +117,9 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
         squared = (matching.errors**2).sum(axis=1)
         weights = matching.scales**2 * np.sqrt(1 + squared / 0.25)  # undo ρ'(r)/2r = 1/√(1 + r²/δ²)
         rho = 0.25 * (np.sqrt(1 + (errors**2).sum(axis=1) / 0.25) - 1)
-        velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return float(0.5 * (velocity @ velocity + ridge(field) @ ridge(field)) + weights @ rho)
+        errors = moved.velocity_errors
+        quadratic = (errors * objective.moments.weighed(errors)).sum() + ridge(field) @ ridge(field)
+        return float(0.5 * quadratic + weights @ rho)
 
     assert frozen_cost(initial) == pytest.approx(evaluation.cost, rel=1e-12)
     step = 1e-6
@@ -130,32 +131,55 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
 
 
 def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
-    either: TrainingData, initial: Field
+    either: TrainingData, initial: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("skillctl.learning.objective.NODES", 1000)  # rollouts count at every step
     objective = LearningObjective(either, Weights(ridge=3.0))  # as large as the other entries
-    ridge = ridge_of(objective)
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
     normal, _ = objective.normal_equations(evaluation)
     matching = evaluation.matching
-    first, second = matching.rows
+    points = objective.moments.positions
 
-    def residuals(field: Field) -> np.ndarray:
-        moved = objective.evaluate(field)
-        assert moved.matching is not None
-        table = moved.matching.states.transpose(0, 2, 1).reshape(-1, 2)
-        share = matching.shares[:, None]
-        places = times(matching.factors, (1 - share) * table[first] + share * table[second])
-        velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return np.concatenate([velocity, (matching.scales[:, None] * places).ravel(), ridge(field)])
+    def outputs(field: Field) -> tuple[np.ndarray, np.ndarray]:
+        moved = objective.evaluate(field).matching
+        assert moved is not None
+        return field.velocities(points).T, moved.states.transpose(0, 2, 1).reshape(-1, 2)
 
     step = 1e-6
-    columns = []
-    for unit in step * np.eye(initial.n_parameters):
-        columns.append((residuals(initial.stepped(unit)) - residuals(initial.stepped(-unit))) / (2 * step))
-    jacobian = np.stack(columns, axis=1)
+    pairs = [
+        (outputs(initial.stepped(unit)), outputs(initial.stepped(-unit)))
+        for unit in step * np.eye(initial.n_parameters)
+    ]
+    velocities, table = (
+        np.stack([(ahead[which] - behind[which]) / (2 * step) for ahead, behind in pairs], axis=2)
+        for which in (0, 1)
+    )
+    weighed = np.stack(
+        [objective.moments.weighed(column.T).T for column in velocities.transpose(2, 0, 1)], axis=2
+    )
+    expected = np.tensordot(velocities, weighed, ([0, 1], [0, 1]))
+    matrices = np.arange(initial.matrices.size)
+    expected[matrices, matrices] += 3.0
+    for row, share in zip(matching.rows, (1 - matching.shares, matching.shares), strict=True):
+        moved = table[row]
+        if matching.factors is not None:
+            moved = matching.factors @ moved
+        moved = (np.sqrt(share) * matching.scales)[:, None, None] * moved
+        expected += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     # A central difference with step 1e-6 of a rollout is good to about seven digits of the largest entry.
-    np.testing.assert_allclose(normal, jacobian.T @ jacobian, atol=1e-6 * np.abs(normal).max())
+    np.testing.assert_allclose(normal, expected, atol=1e-6 * np.abs(normal).max())
+
+
+def test_states_between_two_nodes_count_at_both(data: TrainingData) -> None:
+    weights = np.arange(1.0, 12.0)[:, None, None, None]  # of states 0 … 10, with nodes at 2, 6 and 10
+    rows = _weighted(np.eye(3)[:, None, None], weights, every=4)
+    # Node 6: itself, and of the states 3, 4, 5 and 7, 8, 9 a quarter, half, three quarters and back.
+    middle = 7 + 4 * 0.25 + 5 * 0.5 + 6 * 0.75 + 8 * 0.75 + 9 * 0.5 + 10 * 0.25
+    # The first node is four steps after the zeroth, which is two steps before the start.
+    first = 3 + 2 * 0.75 + 1 * 0.5 + 4 * 0.75 + 5 * 0.5 + 6 * 0.25
+    last = 11 + 8 * 0.25 + 9 * 0.5 + 10 * 0.75
+    np.testing.assert_allclose(rows.T @ rows, np.diag([first, middle, last]), rtol=1e-12)
 
 
 def test_every_step_lowers_the_cost_and_stays_strictly_stable(data: TrainingData, initial: Field) -> None:
