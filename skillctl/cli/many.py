@@ -44,12 +44,22 @@ def refuse_for_one(*options: Any) -> None:
         )
 
 
+def refuse_for_check(watching: Any, *others: Any) -> None:
+    """Raise UsageError if an option of a run is given; a check only takes a demonstration's start."""
+    for option in chain.from_iterable(map(changed, (watching, *others))):
+        if option.key != "demo":
+            raise UsageError(
+                f"--{option.key} is about a run; with --check nothing moves.",
+                hint=f"Leave out --check, or --{option.key}.",
+            )
+
+
 def blocks(report: SimulateManyReport) -> list[render.Block]:
     """Return the report for people."""
     low, high = report.interval
     facts = [
         ("skill", report.skill),
-        ("arm", report.arm),
+        *words.arm(report.arm, _hands(report), report.tip, report.held),
         (
             "successes",
             f"{report.successes} of {report.episodes}: {report.success_rate:.0%} "
@@ -73,6 +83,13 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
     ]
     found.append(render.Table(("figure", "median"), tuple(medians)))
     return found
+
+
+def _hands(report: SimulateManyReport) -> str | None:
+    """Return the orientations of the hand; with their numbers of episodes if there are several."""
+    if len(report.hands) < 2:
+        return next(iter(report.hands), None)
+    return " and ".join(f"{hand} ({count})" for hand, count in report.hands.items())
 
 
 def _failures(report: SimulateManyReport) -> list[render.Block]:

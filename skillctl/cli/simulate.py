@@ -56,8 +56,8 @@ class Watching:
 class Counting:
     """Options of many episodes."""
 
-    min_success: float = option(
-        1.0, metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0."
+    min_success: float | None = option(
+        metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0. Default: 1, all."
     )
     table: Path | None = option(metavar="F.csv", group=BATCH, help="Write one row per episode.")
     overview: Path | None = option(metavar="F.png", group=BATCH, help="Write all episodes in one picture.")
@@ -125,11 +125,15 @@ def simulate(
     if skill is None:
         raise UsageError("SKILL: is missing; name the skill to run.")
     if check:
+        many.refuse_for_check(watching, counting, work)
+        if episode is None and changes.episodes is not None:
+            raise UsageError("--episodes are runs; with --check nothing moves.", hint="Add --episode I.")
         from skillctl.usecases.check_reach import check_reach
 
         checked = check_reach(
             skill, chosen, demo=watching.demo, episode=episode, store=place.store, lock=place.lock
         )
+        words.explain(output, checked.reachability.notes)
         output.result(checked, lambda: reach.blocks(checked))
         done = checked.reachability.reachable
     elif episode is None and (chosen.episodes > 1 or changes.episodes is not None):
@@ -157,7 +161,7 @@ def _run_many(
             skill,
             scenario,
             workers=work.workers(),
-            min_success=counting.min_success,
+            min_success=1.0 if counting.min_success is None else counting.min_success,
             table=counting.table,
             overview=counting.overview,
             colour_by=counting.colour,
@@ -208,7 +212,7 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     facts = [
         ("skill", report.skill),
         ("outcome", outcome),
-        ("arm", f"{report.arm}, hand {report.hand}"),
+        *words.arm(report.arm, report.hand, report.tip, report.held),
         ("placed", f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}{placed}"),
         ("target", words.point(report.target, "m")),
         ("final error", words.length(figures.final_error, "m")),
@@ -216,7 +220,7 @@ def blocks(report: SimulateReport) -> list[render.Block]:
         ("tracking", _tracking(report)),
         ("off the ideal path", f"{words.length(figures.plan_deviation, 'm')} at most"),
         ("path length", f"{figures.path_ratio:.3f} of the ideal"),
-        ("joint margin", f"{figures.joint_margin:.2f} rad to the nearest limit"),
+        ("joint margin", f"{words.number(figures.joint_margin, 'rad')} to the nearest limit"),
         ("joint speed", f"{figures.velocity_ratio:.0%} of the limit at most"),
         ("joint torque", f"{figures.torque_ratio:.0%} of the limit at most"),
         ("inverse kinematics", _kinematics(report)),

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import length
+from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.options import HandPolicy
-from skillctl.simulation.prepare import prepare
+from skillctl.simulation.prepare import arm_of, prepare
 from skillctl.simulation.scenario import Scenario
+
+CARRYING_STRIDE = 8  # control periods between the postures whose torques are computed
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Reachability:
         reachable: Whether start, path and target can be reached.
         reason: What cannot be reached, in one sentence; else empty.
         arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        tip, held, notes: The link that is the hand; for an arm by file, joints that do not move and where
+            they stay, and what was not taken from the file.
         scale, origin: The placement: workspace = origin [m] + scale · coordinates.
         start, target: Positions in the workspace, [m].
         duration: Duration of the ideal motion, [s].
@@ -35,6 +39,7 @@ class Reachability:
         tightest_joint: The joint with this margin, from 1.
         velocity_ratio: Largest joint velocity of the ideal motion, over the limit. Above 1 the arm slows the
             motion down, on the same path.
+        torque_ratio: Largest joint torque that carries the arm at rest on the path, over the limit.
     """
 
     reachable: bool
@@ -54,13 +59,17 @@ class Reachability:
     joint_margin: float | None = None
     tightest_joint: int | None = None
     velocity_ratio: float | None = None
+    torque_ratio: float | None = None
+    tip: str | None = None
+    held: dict[str, float] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def check(skill: Skill, scenario: Scenario) -> Reachability:
     """Return whether an arm can reach the start, the path and the target of a skill.
 
-    Placement, hand and base are chosen as in ``simulate``. Torques, contacts and disturbances are not
-    checked; only ``simulate`` shows those.
+    Placement, hand and base are chosen as in ``simulate``. Of the torques, only those that carry the arm are
+    checked; contacts and disturbances are not. Only ``simulate`` shows those.
 
     Raises:
         UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
@@ -70,12 +79,15 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
         try:
             setup = prepare(skill, scenario)
         except RefusedError as refusal:
-            return Reachability(False, str(refusal), scenario.arm)
+            arm = arm_of(scenario)
+            return Reachability(
+                False, str(refusal), arm.name, tip=arm.tip_link, held=dict(arm.held), notes=arm.notes
+            )
         with ArmBody(setup.arm, setup.base_yaw, shapes="none") as body:
-            return _along(setup, Kinematics(body, setup.hand, setup.base_yaw), scenario)
+            return _along(setup, body, Kinematics(body, setup.hand, setup.base_yaw), scenario)
 
 
-def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachability:
+def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenario) -> Reachability:
     """Follow the plan, one control period after the other, as far as there are joints for it."""
     plan, arm = setup.plan, setup.arm
     start = plan.positions[0]
@@ -84,15 +96,22 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
     start_residual = length(kinematics.forward(setup.joints) - start)
     solutions = list(kinematics.along(plan.positions[1:], setup.joints))
     lost = None
-    if solutions and not solutions[-1].accepted:
+    at_end = len(solutions) < len(plan.positions) - 1 or solutions[-1].residual < scenario.tolerance
+    if solutions and not (solutions[-1].accepted and at_end):
         lost = tuple(plan.positions[len(solutions)].tolist())
     followed = np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)])
     margins = np.minimum(followed - arm.lower, arm.upper - followed)
+    limited = np.isfinite(margins.min())
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / arm.max_velocity
+    sampled = [*followed[::CARRYING_STRIDE], followed[-1]]
+    torques = np.abs([body.carrying(joints) for joints in sampled]) / arm.max_torque
     return Reachability(
-        reachable=lost is None and plan.arrived,
-        reason=_reason(setup, lost),
+        reachable=lost is None and plan.arrived and torques.max() < 1,
+        reason=_reason(setup, lost, torques.max(axis=0)),
         arm=arm.name,
+        tip=arm.tip_link,
+        held=dict(arm.held),
+        notes=arm.notes,
         hand=setup.hand,
         base_yaw=setup.base_yaw,
         scale=setup.placement.scale,
@@ -101,20 +120,28 @@ def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachabi
         target=tuple(plan.target.tolist()),
         duration=plan.duration,
         start_residual=start_residual,
-        target_residual=kinematics.search(plan.target, scenario.seed).residual,
+        target_residual=kinematics.search(plan.target).residual,
         path_residual=max([start_residual, *(each.residual for each in solutions)]),
         lost_at=lost,
-        joint_margin=float(margins.min()),
-        tightest_joint=int(margins.min(axis=0).argmin()) + 1,
+        joint_margin=float(margins.min()) if limited else None,
+        tightest_joint=int(margins.min(axis=0).argmin()) + 1 if limited else None,
         velocity_ratio=float(speeds.max(initial=0.0)),
+        torque_ratio=float(torques.max()),
     )
 
 
-def _reason(setup: Setup, lost: tuple[float, ...] | None) -> str:
+def _reason(setup: Setup, lost: tuple[float, ...] | None, torques: FloatArray) -> str:
     if lost is not None:
         x, y, z = lost
         return (
             f"the path cannot be followed beyond ({x:.3f}, {y:.3f}, {z:.3f}) m: the arm would have to jump "
             "to another posture, or has none."
+        )
+    if torques.max() >= 1:
+        joint = int(torques.argmax())
+        limit = setup.arm.max_torque[joint]
+        return (
+            f"joint {joint + 1} cannot carry the arm on this path: that takes "
+            f"{limit * torques[joint]:.3g} Nm of its {limit:.3g} Nm."
         )
     return "" if setup.plan.arrived else "the skill itself does not reach its target within a minute."

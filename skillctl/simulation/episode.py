@@ -35,7 +35,7 @@ Outcome: TypeAlias = Literal[
 ]
 """How an episode ended. The first two are successes:
 
-- ``reached``: the hand stayed within the tolerance of the target for the settle time;
+- ``reached``: the hand stayed within the tolerance of the true target for the settle time;
 - ``grasped``: the cup was lifted and held, and the arm never touched the scene.
 
 The others are failures:
@@ -46,7 +46,8 @@ The others are failures:
 - ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite;
 - ``shelf_contact``: the arm touched the scene;
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
-- ``missed``: the cup was not between both fingers when they had closed;
+- ``missed``: the cup was not between both fingers when they had closed; without a cup: the hand stayed where
+  it perceived its target, and that is elsewhere;
 - ``dropped``: the cup was not lifted far enough, or not held to the end;
 - ``start_collision``: the arm touches something where it starts.
 """
@@ -75,6 +76,7 @@ class Setup:
         joints: Posture at the start, shape (n,), [rad].
         plan: The ideal motion from there to the true target, undisturbed.
         followable: Whether neighbouring joints exist all along the plan.
+        duration: Duration of the plan at the speed of the arm's joints, [s].
     """
 
     skill: Skill
@@ -85,6 +87,7 @@ class Setup:
     joints: FloatArray
     plan: Plan
     followable: bool
+    duration: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -139,7 +142,7 @@ class Metrics:
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
         path_ratio: Length of the hand's path over that of the ideal rollout; NaN if the latter is 0.
         clearance: Smallest distance of arm and scene, [m]; negative if they penetrated.
-        joint_margin: Smallest distance of any joint to its limit, [rad].
+        joint_margin: Smallest distance of any joint to its limit, [rad]; NaN if no joint has limits.
         velocity_ratio, torque_ratio: Largest measured |q̇| and |τ| over the real arm's limits.
         joint_jump: Largest change of a joint in one control period, [rad].
         ik_residual: Largest inverse-kinematics residual, [m].
@@ -236,7 +239,7 @@ def measure(
         plan_deviation=float(distances_to_path(thinned(hand, SPACING), planned).max()),
         path_ratio=float(path_length(hand)) / planned_length if planned_length > tolerance else np.nan,
         clearance=_smallest(series.clearances),
-        joint_margin=float(margins.min()),
+        joint_margin=float(margins.min()) if np.isfinite(margins.min()) else np.nan,
         velocity_ratio=float((np.abs(series.velocities) / model.max_velocity).max()),
         torque_ratio=float((np.abs(series.torques) / model.max_torque).max()),
         joint_jump=float(np.abs(np.diff(series.joints, axis=0)).max(initial=0.0)),

@@ -41,7 +41,7 @@ class Judge:
         self._tolerance = scenario.tolerance
         self._settle_steps = math.ceil(scenario.settle_time / period)
         self._refusals = math.ceil(UNREACHABLE_TIME / period)
-        self._steps_near = 0  # control periods within the tolerance so far, in a row
+        self._near_true, self._near_seen = 0, 0  # control periods within the tolerance so far, in a row
 
     def failure(
         self, motion: Motion, hand: FloatArray, velocity: FloatArray, tracking: Tracking
@@ -60,8 +60,24 @@ class Judge:
         joint = tracking.at_limit + 1
         return Verdict("joint_limit", f"joint {joint} would have to pass its limit for the hand at {where}")
 
-    def settled(self, motion: Motion, hand: FloatArray) -> Verdict | None:
-        """Return ``reached`` when the hand has stayed at the target for long enough, else None."""
-        near = length(hand - motion.target(hand)) < self._tolerance
-        self._steps_near = self._steps_near + 1 if near else 0
-        return Verdict("reached") if self._steps_near > self._settle_steps else None
+    def settled(self, motion: Motion, hand: FloatArray, seen_off: FloatArray) -> Verdict | None:
+        """Return ``reached`` when the hand has stayed at its target for long enough, else None.
+
+        The target is the true one. A hand that stays where it perceives the target, beyond the tolerance of
+        the true one, has ``missed`` it.
+
+        Args:
+            motion: The motion, towards the perceived target.
+            hand: Position of the hand, shape (3,), [m].
+            seen_off: Offset of the perceived target from the true one, shape (3,), [m].
+        """
+        seen = motion.target(hand)
+        off = length(hand - (seen - seen_off))
+        self._near_true = self._near_true + 1 if off < self._tolerance else 0
+        self._near_seen = self._near_seen + 1 if length(hand - seen) < self._tolerance else 0
+        if self._near_true > self._settle_steps:
+            return Verdict("reached")
+        if self._near_seen > self._settle_steps and length(seen_off) >= self._tolerance:
+            away = f"{1e3 * off:.0f} mm from its target"
+            return Verdict("missed", f"the hand stopped {away}, which it perceived there")
+        return None

@@ -27,7 +27,7 @@ from skillctl.simulation.scenario import MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.torque import TorqueArm
 
-HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
+HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the duration that the joints allow; [s]
 PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
 DISPLACED_STEP = 0.01  # [m], in which inverse kinematics follows a displaced hand
@@ -134,7 +134,7 @@ class _Run:
             if progress is not None and step % every == 0:
                 progress("moving", round(1e3 * now), round(1e3 * horizon))
         hand = self.arm.state.hand
-        away = 1e3 * length(hand - self.motion.target(hand))
+        away = 1e3 * length(hand - (self.motion.target(hand) - self.seen_off))
         return Verdict("timeout", f"the hand was {away:.0f} mm from its target after {horizon:.1f} s")
 
     def _step(self, now: float) -> Verdict | None:
@@ -167,7 +167,7 @@ class _Run:
                 return Verdict("shelf_contact", f"{contact.link} touched the {contact.thing} {when}")
         failure = self.judge.failure(self.motion, hand, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
-            return failure or self.judge.settled(self.motion, hand)
+            return failure or self.judge.settled(self.motion, hand, self.seen_off)
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
 
     def _disturbed(self, now: float) -> Verdict | None:
@@ -223,4 +223,4 @@ class _Run:
         after = grasp.close_time + grasp.lift_time + grasp.hold_time if scenario.cup else 0.0
         if not plan.arrived:
             return plan.duration + end + after
-        return HORIZON_FACTOR * plan.duration + HORIZON_SLACK + end + after
+        return HORIZON_FACTOR * self.setup.duration + HORIZON_SLACK + end + after

@@ -227,7 +227,8 @@ class Scenario(Part):
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
-        tip, home: The hand of an arm by path, a link, and its ready posture, [rad] (see ``find_arm``).
+        tip, home, hold: The hand of an arm by path, a link; its ready posture, [rad]; joints that do not
+            move, and where they stay, [rad] or [m] (see ``find_arm``).
         start: Start of the motion, in the skill's own coordinates. None: the arm's ready posture; in a scene
             10 cm before its front edge, 13 cm above the lowest board.
         target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
@@ -243,13 +244,14 @@ class Scenario(Part):
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
-        tolerance: Distance to the target that counts as reached, [m].
+        tolerance: Distance to the true target that counts as reached, [m].
         settle_time: Time for which the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: by the duration of the plan.
         noise: Standard deviation of the measured position of the hand, per coordinate, [m].
         target_error: Standard deviation of the perceived target, per horizontal coordinate, [m]; it is drawn
-            at the start, and again when the target moves. Skill and ``tolerance`` use the perceived target.
-        seed: Seed of noise, target error, sampling, and the random postures tried in searches.
+            at the start, and again when the target moves. The skill goes to the perceived target; success is
+            judged by the true one.
+        seed: Seed of noise, target error and sampling.
         scene: The furniture in front of the arm. None: nothing.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
         grasp: How the hand grasps and lifts.
@@ -261,6 +263,7 @@ class Scenario(Part):
     arm: Annotated[str, Field(strict=True)] = "panda"
     tip: Annotated[str, Field(strict=True)] | None = None
     home: Vector | None = None
+    hold: dict[str, Number] = Field(default_factory=dict)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
     plane: Plane | None = None
@@ -306,7 +309,7 @@ class Scenario(Part):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scenario:
-        if self.arm not in ARMS and not self.arm.endswith(".urdf"):
+        if self.arm not in ARMS and "." not in self.arm and "/" not in self.arm:
             raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
         if self.cup is not None and self.scene is None:
             raise ValueError("cup: it needs something to stand on, as in --scene shelf or --scene table.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from skillctl.simulation.scenario import Scenario
 from skillctl.toml_files import read_toml
 
 HEADING = "# What `skillctl simulate` runs. Lengths are in metres, times in seconds, angles in radians.\n"
+BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that TOML needs no quotes for
 HINT = "`skillctl simulate --print-scenario` writes one with every key."
 
 
@@ -68,7 +70,11 @@ def to_toml(scenario: Scenario) -> str:
 
 
 def _lines(values: Mapping[str, Any]) -> str:
-    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
+    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in values.items())
+
+
+def _key(key: str) -> str:
+    return key if BARE.fullmatch(key) else _value(key)
 
 
 def _value(value: Any) -> str:

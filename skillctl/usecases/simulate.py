@@ -34,12 +34,14 @@ class SimulateReport:
         detail: What happened, for a failure; else empty.
         scenario: The scenario, as in a file; what is null was chosen automatically.
         arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        tip, held: The link that is the hand, and the joints of an arm by file that do not move and where they
+            stay, [rad] or [m].
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
         target: Workspace position of the target, [m].
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
         log, picture, video: Files that were written, if any.
-        notes: What the outcome does not show.
+        notes: What the outcome does not show, and what was not taken from the file of an arm.
     """
 
     skill: str
@@ -61,6 +63,8 @@ class SimulateReport:
     picture: Path | None
     video: Path | None
     notes: tuple[str, ...]
+    tip: str
+    held: dict[str, float]
 
 
 def simulate(
@@ -127,7 +131,9 @@ def simulate(
         log=log,
         picture=picture,
         video=video,
-        notes=proof_notes(source, scenario.control),
+        notes=(*setup.arm.notes, *proof_notes(source, scenario.control)),
+        tip=setup.arm.tip_link,
+        held=dict(setup.arm.held),
     )
 
 
