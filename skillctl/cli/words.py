@@ -61,7 +61,7 @@ def yes_no(value: bool | None) -> str:
 def arm(
     name: str, hand: str | None, tip: str | None, held: Mapping[str, float] | None
 ) -> list[tuple[str, str]]:
-    """Return the facts about an arm: its hand, and for an arm by file its tip and the joints that do not move."""
+    """Return the facts about an arm; for one by file also its tip, and the joints that do not move."""
     parts = [name, *([] if hand is None else [f"hand {hand}"])]
     parts += [] if tip is None or name in ARMS else [f"tip {tip}"]
     facts = [("arm", ", ".join(parts))]

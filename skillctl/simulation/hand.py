@@ -27,7 +27,7 @@ HANDS = [  # names of the hand's frame, the best first; of several with equal na
 BESIDE = HANDS[:3]  # a frame of these names beside a last moving link shows that this link is a jaw
 NO_HAND = re.compile(
     r"camera|(^|_)cam(_|$)|sensor|optical|depth|colou?r|rgb|infra|imu|laser|lidar|light|(^|_)led|screen|display"
-    r"|cuff|button|marker|(^|_)ft(_|$)|force|inertia|mount|cover|cable|contact",
+    r"|cuff|button|finger|motor|marker|(^|_)ft(_|$)|force|inertia|mount|cover|cable|contact",
     re.IGNORECASE,
 )
 
@@ -70,7 +70,7 @@ def hand_frame(robot: Robot, end: str, places: Container[str]) -> str:
     for pattern in HANDS:
         named = [frame for frame in frames if pattern.search(frame) and not NO_HAND.search(frame)]
         if named:
-            return named[-1]
+            return named[0 if pattern is HANDS[-1] else -1]  # a gripper's other parts bear its name, too
     link = end
     while len(below := robot.below(link)) == 1 and below[0].child in frames:
         if NO_HAND.search(below[0].child):

@@ -231,6 +231,7 @@ SEVEN = link("base") + chain([f"j{i}" for i in range(7)])
             "l6",
             "tcp",
         ),
+        (ARM + fixed("l6", "gripper_base", "gripper_fingertip", "gripper_cover"), "l6", "gripper_base"),
         (ARM + fixed("l6", "plate") + fixed("plate", "camera_link"), "l6", "plate"),
         # A mobile base with a torso, a head and wheels
         (
