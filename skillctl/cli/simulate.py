@@ -252,8 +252,9 @@ def _kinematics(report: SimulateReport) -> str:
 def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:
     """Return the facts about scene and cup, if there are any."""
     figures, facts = report.metrics, []
-    if report.scenario["scene"] is not None:
-        clearance, kind = words.length(figures.clearance, "m"), report.scenario["scene"]["kind"]
+    if report.scenario["scene"] is not None or report.scenario["obstacles"]:
+        clearance, scene = words.length(figures.clearance, "m"), report.scenario["scene"]
+        kind = "scene" if report.scenario["obstacles"] else scene["kind"]
         facts.append(("clearance", f"{clearance} to the {kind} at least"))
         facts.append(("touched", ", ".join(figures.contacts) or "nothing"))
     if report.scenario["cup"] is not None:

@@ -15,8 +15,9 @@ from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.prepare import arm_of, prepare
 from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scene import SceneBodies
 
-CARRYING_STRIDE = 8  # control periods between the postures whose torques are computed
+STRIDE = 8  # control periods between the postures whose torques and contacts are computed
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
     """Return whether an arm can reach the start, the path and the target of a skill.
 
     Placement, hand and base are chosen as in ``simulate``. Of the torques, only those that carry the arm are
-    checked; contacts and disturbances are not. Only ``simulate`` shows those.
+    checked, and of contacts those of the ideal motion; disturbances are not. Only ``simulate`` shows those.
 
     Raises:
         UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
@@ -103,11 +104,12 @@ def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenar
     margins = np.minimum(followed - arm.lower, arm.upper - followed)
     limited = np.isfinite(margins.min())
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / arm.max_velocity
-    sampled = [*followed[::CARRYING_STRIDE], followed[-1]]
+    sampled = [*followed[::STRIDE], followed[-1]]
     torques = np.abs([body.carrying(joints) for joints in sampled]) / arm.max_torque
+    reason = _reason(setup, lost, torques.max(axis=0)) or _touched(setup, scenario, sampled)
     return Reachability(
-        reachable=lost is None and plan.arrived and torques.max() < 1,
-        reason=_reason(setup, lost, torques.max(axis=0)),
+        reachable=not reason,
+        reason=reason,
         arm=arm.name,
         tip=arm.tip_link,
         held=dict(arm.held),
@@ -128,6 +130,22 @@ def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenar
         velocity_ratio=float(speeds.max(initial=0.0)),
         torque_ratio=float(torques.max()),
     )
+
+
+def _touched(setup: Setup, scenario: Scenario, postures: list[FloatArray]) -> str:
+    """Return what the arm would touch first in one of the postures, in a sentence; else nothing."""
+    if not scenario.furnished:
+        return ""
+    with ArmBody(setup.arm, setup.base_yaw, shapes="collision") as body:
+        scene = SceneBodies(body, scenario)
+        for joints in postures:
+            body.pose(joints)
+            for contact in scene.contacts_now():
+                if contact.thing != "cup":
+                    x, y, z = body.hand()[0]
+                    place = f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+                    return f"{contact.link} would touch the {contact.thing} with the hand at {place}."
+    return ""
 
 
 def _reason(setup: Setup, lost: tuple[float, ...] | None, torques: FloatArray) -> str:

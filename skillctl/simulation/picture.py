@@ -123,7 +123,7 @@ class Scenery(Stage):
             sharpness: How much larger than that they are rendered.
         """
         scenario, setup, series = episode.scenario, episode.setup, episode.series
-        super().__init__(setup.arm, setup.base_yaw, scenario.scene)
+        super().__init__(setup.arm, setup.base_yaw, scenario)
         self._episode, self._size = episode, size
         self._cup = None if scenario.cup is None else self.add_cup(scenario.cup)
         extents = []
@@ -204,7 +204,7 @@ def _length(metres: float) -> str:
 def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
     """Return a picture of the world with all episodes in it."""
     scene, first = visible[0][0].scenario.scene, visible[0][1]
-    with silenced(1), Stage(first.arm, first.base_yaw, scene) as stage:
+    with silenced(1), Stage(first.arm, first.base_yaw, visible[0][0].scenario) as stage:
         stage.show(first.joints, first.fingers)
         for row, trace in visible:
             if row.scenario.cup is not None:

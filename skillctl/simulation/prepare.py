@@ -16,6 +16,7 @@ from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
 from skillctl.simulation.motion import Plan, plan_motion
+from skillctl.simulation.obstacles import require_meshes
 from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
@@ -42,6 +43,7 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     """
     model = arm_of(scenario)
     require_gripper(model, scenario)
+    require_meshes(scenario.obstacles)
     if scenario.start is not None and len(scenario.start) != skill.dimension:
         raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
     if isinstance(scenario.target, tuple):

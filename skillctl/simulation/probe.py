@@ -50,6 +50,31 @@ def robot(path: str) -> tuple[list[str], list[str]]:
     return tuple([info[place].decode(errors="replace") for info in infos] for place in (1, 12))  # type: ignore[return-value]
 
 
+def mesh(path: str) -> None:
+    """Load a mesh to be seen and to be touched.
+
+    Raises:
+        InputDataError: PyBullet does not load it.
+    """
+    bullet = load_bullet()
+    client = bullet.connect(bullet.DIRECT)
+    with _chatter() as chatter:
+        try:
+            shapes = [
+                make(bullet.GEOM_MESH, fileName=path, flags=flags, physicsClientId=client)
+                for make, flags in (
+                    (bullet.createCollisionShape, bullet.GEOM_FORCE_CONCAVE_TRIMESH),
+                    (bullet.createVisualShape, 0),
+                )
+            ]
+            bullet.createMultiBody(0, *shapes, physicsClientId=client)
+            bullet.getCameraImage(16, 16, renderer=bullet.ER_TINY_RENDERER, physicsClientId=client)
+        except bullet.error as error:
+            raise InputDataError(str(error)) from error
+    if min(shapes) < 0 or "cannot" in chatter[0]:
+        raise InputDataError("cannot be loaded")
+
+
 @contextmanager
 def _chatter() -> Iterator[list[str]]:
     """Yield a list that holds, after the block, what C code has printed: at least the first 64 KiB."""

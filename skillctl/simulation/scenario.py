@@ -15,6 +15,12 @@ rules check it in all three cases. Its TOML form has the same names:
     position = [0.62, 0.10]
     board = "top"
 
+    [[obstacles]]
+    kind = "box"                 # or "cylinder" with radius and height, or "mesh" with file
+    name = "crate"
+    position = [0.5, -0.3, 0.1]
+    size = [0.2, 0.2, 0.2]
+
     [[disturbances]]
     kind = "move-target"
     time = 0.8
@@ -102,6 +108,53 @@ class Table(Part):
 
 
 Scene: TypeAlias = Annotated[Shelf | Table, Field(discriminator="kind")]
+
+
+class BoxObstacle(Part):
+    """A box that does not move. The arm must not touch it.
+
+    Attributes:
+        name: What reports call it.
+        position: Its middle, [m].
+        yaw: Turn about the vertical, [rad].
+        size: Its edges along x, y and z before the turn, [m].
+    """
+
+    kind: Literal["box"] = "box"
+    name: str = "box"
+    position: Point
+    yaw: Number = 0.0
+    size: tuple[Positive, Positive, Positive]
+
+
+class CylinderObstacle(Part):
+    """An upright cylinder; see ``BoxObstacle``."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    name: str = "cylinder"
+    position: Point
+    yaw: Number = 0.0
+    radius: Positive
+    height: Positive
+
+
+class MeshObstacle(Part):
+    """A mesh, whose origin is at ``position``; see ``BoxObstacle``.
+
+    Attributes:
+        file: A binary STL, OBJ or DAE file; a relative name is relative to the scenario's file.
+        scale: Metres per unit of the mesh.
+    """
+
+    kind: Literal["mesh"] = "mesh"
+    name: str = "mesh"
+    position: Point
+    yaw: Number = 0.0
+    file: str
+    scale: Positive = 1.0
+
+
+Obstacle: TypeAlias = Annotated[BoxObstacle | CylinderObstacle | MeshObstacle, Field(discriminator="kind")]
 
 
 class Cup(Part):
@@ -253,6 +306,7 @@ class Scenario(Part):
             judged by the true one.
         seed: Seed of noise, target error and sampling.
         scene: The furniture in front of the arm. None: nothing.
+        obstacles: Other things that the arm must not touch, with or without furniture.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
         grasp: How the hand grasps and lifts.
         disturbances: Pushes and jumps, with their times.
@@ -282,6 +336,7 @@ class Scenario(Part):
     seed: Seed = 0
     episodes: Count = 1
     scene: Scene | None = None
+    obstacles: tuple[Obstacle, ...] = ()
     cup: Cup | None = None
     grasp: Grasp = Grasp()
     disturbances: tuple[Disturbance, ...] = ()
@@ -323,6 +378,11 @@ class Scenario(Part):
         return self
 
     @property
+    def furnished(self) -> bool:
+        """Whether there is something that the arm must not touch."""
+        return self.scene is not None or bool(self.obstacles)
+
+    @property
     def grasping(self) -> bool:
         """Whether the hand grasps and lifts a cup at its target."""
         return self.cup is not None
@@ -336,5 +396,18 @@ class Scenario(Part):
         return Scenario(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
 
 
-PARTS = (Scenario, Shelf, Table, Cup, Grasp, Push, MoveTarget, Displace, Sampling)
+PARTS = (
+    Scenario,
+    Shelf,
+    Table,
+    BoxObstacle,
+    CylinderObstacle,
+    MeshObstacle,
+    Cup,
+    Grasp,
+    Push,
+    MoveTarget,
+    Displace,
+    Sampling,
+)
 KEYS = frozenset(name for part in PARTS for name in part.model_fields)
