@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skillctl.usecases.simulate_many import SimulateManyReport
 
 SHOWN_FAILURES, SHOWN_NUMBERS = 5, 8
+OF_STATES = ("final_error", "tracking_rmse")  # figures in the unit of the skill
 MEDIANS = {  # figure → heading, unit
     "final_error": ("final error", "m"),
     "time_to_target": ("time to target", "s"),
@@ -78,7 +79,8 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
         found.append(render.Table(("part that acted", "episodes", "successes"), tuple(parts)))
     medians = [
         (heading, words.length(value, unit) if unit == "m" else words.number(value, unit))
-        for name, (heading, unit) in MEDIANS.items()
+        for name, (heading, hand_unit) in MEDIANS.items()
+        for unit in [report.unit if name in OF_STATES else hand_unit]
         if (value := report.medians[name]) == value  # NaN: no episode has it
     ]
     found.append(render.Table(("figure", "median"), tuple(medians)))

@@ -22,7 +22,8 @@ def blocks(report: CheckReachReport) -> list[render.Block]:
         ("target", found.target, found.target_residual),
     ):
         if point is not None and residual is not None:
-            facts.append((name, f"{words.point(point, 'm')}, {words.length(residual, 'm')} off"))
+            off = f", {words.length(residual, 'm')} off" if found.unit == "m" else ""
+            facts.append((name, f"{words.point(point, found.unit)}{off}"))
     if found.path_residual is not None and found.duration is not None:
         facts.append(
             ("path", f"{words.length(found.path_residual, 'm')} off at most, {found.duration:.2f} s long")

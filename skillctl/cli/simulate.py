@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -208,14 +209,15 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     """Return the report for people."""
     figures = report.metrics
     outcome = f"{report.outcome}: {report.detail}" if report.detail else report.outcome
-    placed = "" if report.plane is None else f", plane {report.plane}"
+    placed = f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}"
+    placed += "" if report.plane is None else f", plane {report.plane}"
     facts = [
         ("skill", report.skill),
         ("outcome", outcome),
         *words.arm(report.arm, report.hand, report.tip, report.held),
-        ("placed", f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}{placed}"),
-        ("target", words.point(report.target, "m")),
-        ("final error", words.length(figures.final_error, "m")),
+        *([("placed", placed)] if report.unit == "m" else []),
+        ("target", words.point(report.target, report.unit)),
+        ("final error", _length(figures.final_error, report.unit)),
         ("time to target", words.number(figures.time_to_target, "s")),
         ("tracking", _tracking(report)),
         ("off the ideal path", f"{words.length(figures.plan_deviation, 'm')} at most"),
@@ -232,19 +234,26 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     return [render.Facts(tuple(facts))]
 
 
+def _length(value: float, unit: str) -> str:
+    """Return a distance, and an angle in degrees, too."""
+    if unit != "rad" or not math.isfinite(value):
+        return words.length(value, unit)
+    return f"{words.number(value, 'rad')} ({math.degrees(value):.3g}°)"
+
+
 def _tracking(report: SimulateReport) -> str:
     """Return the distance of the hand to its reference, which a hand that yields does not have."""
     figures = report.metrics
     if report.scenario["control"] == "torque":
         return words.NONE
-    median, most = (words.length(d, "m") for d in (figures.tracking_median, figures.tracking_p95))
+    median, most = (_length(d, report.unit) for d in (figures.tracking_median, figures.tracking_p95))
     return f"{median} median, {most} at most in 95 % of the time"
 
 
 def _kinematics(report: SimulateReport) -> str:
-    """Return the error of inverse kinematics, which torque control does not need."""
+    """Return the error of inverse kinematics, which neither torque control nor a skill of joints needs."""
     figures = report.metrics
-    if report.scenario["control"] == "torque":
+    if report.scenario["control"] == "torque" or report.unit == "rad":
         return words.NONE
     return f"{words.length(figures.ik_residual, 'm')} off at most, {figures.ik_failures} failures"
 

@@ -172,6 +172,11 @@ class LiveArm(ABC):
         self.place(joints)
 
     @property
+    def place_now(self) -> FloatArray:
+        """Where the skill takes the arm to be: the position of its hand, shape (3,), [m]."""
+        return self.state.hand
+
+    @property
     @abstractmethod
     def tracking(self) -> Tracking:
         """How well the arm follows."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.episode import RefusedError, Setup
+from skillctl.simulation.episode import RefusedError, Setup, Unit
 from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.joint_space import within
+from skillctl.simulation.motion import Plan
 from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.prepare import arm_of, prepare
 from skillctl.simulation.scenario import Scenario
@@ -31,7 +34,8 @@ class Reachability:
         tip, held, notes: The link that is the hand; for an arm by file, joints that do not move and where
             they stay, and what was not taken from the file.
         scale, origin: The placement: workspace = origin [m] + scale · coordinates.
-        start, target: Positions in the workspace, [m].
+        start, target: Positions in the workspace, [m]; joints for a skill that moves joints.
+        unit: That of start and target: ``m``, or ``rad``.
         duration: Duration of the ideal motion, [s].
         start_residual, target_residual: Smallest distance of the hand to them, [m].
         path_residual: Largest distance of the hand to the path, [m].
@@ -61,6 +65,7 @@ class Reachability:
     tightest_joint: int | None = None
     velocity_ratio: float | None = None
     torque_ratio: float | None = None
+    unit: Unit = "m"
     tip: str | None = None
     held: dict[str, float] | None = None
     notes: tuple[str, ...] = ()
@@ -88,19 +93,58 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
             return _along(setup, body, Kinematics(body, setup.hand, setup.base_yaw), scenario)
 
 
-def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenario) -> Reachability:
-    """Follow the plan, one control period after the other, as far as there are joints for it."""
-    plan, arm = setup.plan, setup.arm
+class _Way(NamedTuple):
+    """Postures (k, n) along the plan as far as there are any, its ends, and how far the hand is off, [m]."""
+
+    postures: FloatArray
+    start: FloatArray
+    target: FloatArray
+    start_residual: float
+    target_residual: float
+    path_residual: float
+    lost: tuple[float, ...] | None
+
+
+def _by_hand(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> _Way:
+    """Follow the plan by inverse kinematics, one control period after the other."""
+    plan = setup.plan
     start = plan.positions[0]
     if scenario.start is not None:
         start = setup.placement.to_workspace(np.array(scenario.start))
     start_residual = length(kinematics.forward(setup.joints) - start)
     solutions = list(kinematics.along(plan.positions[1:], setup.joints))
     lost = None
-    at_end = len(solutions) < len(plan.positions) - 1 or solutions[-1].residual < scenario.tolerance
-    if solutions and not (solutions[-1].accepted and at_end):
-        lost = tuple(plan.positions[len(solutions)].tolist())
-    followed = np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)])
+    if solutions:
+        last, whole = solutions[-1], len(solutions) == len(plan.positions) - 1
+        if not last.accepted or (whole and last.residual >= scenario.tolerance):
+            lost = tuple(plan.positions[len(solutions)].tolist())
+    return _Way(
+        np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)]),
+        start,
+        plan.target,
+        start_residual,
+        kinematics.search(plan.target).residual,
+        max([start_residual, *(each.residual for each in solutions)]),
+        lost,
+    )
+
+
+def _by_joints(setup: Setup, plan: Plan) -> _Way:
+    """Follow a plan of the joints up to the first limit; the hand is nowhere off."""
+    beyond = np.flatnonzero(~within(plan.positions, setup.arm).all(axis=1))
+    count = int(beyond[0]) if beyond.size else len(plan.positions)
+    lost = tuple(setup.plan.positions[count].tolist()) if beyond.size else None
+    return _Way(plan.positions[:count], plan.positions[0], plan.target, 0.0, 0.0, 0.0, lost)
+
+
+def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenario) -> Reachability:
+    """Return what the postures along the plan show."""
+    plan, arm = setup.plan, setup.arm
+    if setup.joint_plan is None:
+        way = _by_hand(setup, kinematics, scenario)
+    else:
+        way = _by_joints(setup, setup.joint_plan)
+    followed, lost = way.postures, way.lost
     margins = np.minimum(followed - arm.lower, arm.upper - followed)
     limited = np.isfinite(margins.min())
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / arm.max_velocity
@@ -118,12 +162,13 @@ def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenar
         base_yaw=setup.base_yaw,
         scale=setup.placement.scale,
         origin=tuple(setup.placement.origin.tolist()),
-        start=tuple(start.tolist()),
-        target=tuple(plan.target.tolist()),
+        start=tuple(way.start.tolist()),
+        target=tuple(way.target.tolist()),
         duration=plan.duration,
-        start_residual=start_residual,
-        target_residual=kinematics.search(plan.target).residual,
-        path_residual=max([start_residual, *(each.residual for each in solutions)]),
+        unit=setup.unit,
+        start_residual=way.start_residual,
+        target_residual=way.target_residual,
+        path_residual=way.path_residual,
         lost_at=lost,
         joint_margin=float(margins.min()) if limited else None,
         tightest_joint=int(margins.min(axis=0).argmin()) + 1 if limited else None,
@@ -154,6 +199,8 @@ def _reason(setup: Setup, lost: tuple[float, ...] | None, torques: FloatArray) -
         return (
             f"the path cannot be followed beyond ({x:.3f}, {y:.3f}, {z:.3f}) m: the arm would have to jump "
             "to another posture, or has none."
+            if setup.joint_plan is None
+            else "a joint would have to pass its limit."
         )
     if torques.max() >= 1:
         joint = int(torques.argmax())

@@ -54,6 +54,7 @@ The others are failures:
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped")
 
+Unit: TypeAlias = Literal["m", "rad"]
 Phase: TypeAlias = Literal["approach", "close", "lift", "hold"]
 PHASES: tuple[Phase, ...] = get_args(Phase)
 
@@ -77,6 +78,7 @@ class Setup:
         plan: The ideal motion from there to the true target, undisturbed.
         followable: Whether neighbouring joints exist all along the plan.
         duration: Duration of the plan at the speed of the arm's joints, [s].
+        joint_plan: The plan in joint angles, for a skill that moves joints; else None.
     """
 
     skill: Skill
@@ -88,6 +90,12 @@ class Setup:
     plan: Plan
     followable: bool
     duration: float
+    joint_plan: Plan | None = None
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the target and of the errors: metres of the hand, or radians of the joints."""
+        return "m" if self.joint_plan is None else "rad"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,7 +139,8 @@ class Metrics:
     """The figures of one episode. A figure that does not exist is NaN.
 
     Distances to the target, tracking, deviation and path length are measured until a lift begins, while the
-    skill moves the hand; the other figures are of the whole episode.
+    skill moves the hand; the other figures are of the whole episode. For a skill that moves joints, final
+    error and tracking are distances of the joints, [rad].
 
     Attributes:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
@@ -231,7 +240,7 @@ def measure(
     aside = (cup - series.targets)[open_hand]  # without the jumps of the target, which the hand did not cause
     return Metrics(
         final_error=float(distances[-1]),
-        time_to_target=_arrival(distances, series.times[by_skill], tolerance),
+        time_to_target=arrival(distances, series.times[by_skill], tolerance),
         simulated_time=float(series.times[-1]),
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
@@ -257,8 +266,8 @@ def _smallest(values: FloatArray) -> float:
     return float(measured.min()) if measured.size else np.nan
 
 
-def _arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
-    """Return the time since which the distance has stayed within the tolerance, NaN if it is outside."""
+def arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
+    """Return the time since which the distance (T,) has stayed within the tolerance, NaN if it is outside."""
     outside = np.flatnonzero(distances > tolerance)
     first = int(outside[-1]) + 1 if outside.size else 0
     return float(times[first]) if first < len(distances) else np.nan

@@ -10,7 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.disturbances import jumped
-from skillctl.simulation.episode import Outcome
+from skillctl.simulation.episode import Outcome, Unit
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.scenario import Scenario
 
@@ -26,6 +26,14 @@ class Verdict:
     detail: str = ""
 
 
+def apart(distance: float, unit: Unit) -> str:
+    """Return how far the arm was from its target, in words."""
+    if unit == "rad":
+        return f"the joints were {distance:.2f} rad from their target"
+    near = f"{1e3 * distance:.0f} mm" if distance < 0.1 else f"{distance:.2f} m"
+    return f"the hand was {near} from its target"
+
+
 class Judge:
     """Decides when a motion is over, and how it ended.
 
@@ -33,8 +41,11 @@ class Judge:
         farthest: Distance to the nearest target from which on the motion counts as diverged, [m].
     """
 
-    def __init__(self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> None:
-        """Args: plan of the motion, without disturbances; scenario; control period, [s]."""
+    def __init__(
+        self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD, unit: Unit = "m"
+    ) -> None:
+        """Args: plan of the motion, without disturbances; scenario; control period, [s]; unit of the plan."""
+        self._unit = unit
         distances = np.linalg.norm(plan.positions - plan.target, axis=1)
         planned = distances.max() if plan.arrived else distances[0]
         self.farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
@@ -51,7 +62,7 @@ class Judge:
         if not np.isfinite(velocity).all():
             return Verdict("diverged", "the skill's velocity was not a number")
         if not distance < self.farthest:
-            return Verdict("diverged", f"the hand was {distance:.2f} m from its target, and going away")
+            return Verdict("diverged", f"{apart(distance, self._unit)}, and going away")
         if tracking.refusals < self._refusals:
             return None
         where = "({:.2f}, {:.2f}, {:.2f}) m".format(*tracking.reference)

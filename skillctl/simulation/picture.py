@@ -186,7 +186,8 @@ def _caption(episode: Episode, row: int) -> str:
 def _verdict(episode: Episode) -> str:
     """Return how an episode ended, in a few words."""
     metrics = episode.metrics
-    missed = _length(metrics.final_error)
+    error = metrics.final_error
+    missed = _length(error) if episode.setup.unit == "m" else f"{math.degrees(error):.2f}°"
     match episode.outcome:
         case "reached":
             return f"target reached after {metrics.time_to_target:.1f} s, {missed} off"

@@ -15,6 +15,7 @@ from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
 from skillctl.simulation.options import HandPolicy
@@ -42,8 +43,10 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
         RefusedError: No choice lets the hand be both at the start and at the target.
     """
     model = arm_of(scenario)
-    require_gripper(model, scenario)
     require_meshes(scenario.obstacles)
+    if moves_joints(skill):
+        return joint_setup(skill, model, scenario)
+    require_gripper(model, scenario)
     if scenario.start is not None and len(scenario.start) != skill.dimension:
         raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
     if isinstance(scenario.target, tuple):

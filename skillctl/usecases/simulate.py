@@ -12,7 +12,7 @@ from skillctl.errors import require_directory
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.draws import chosen
-from skillctl.simulation.episode import Episode, Metrics, Outcome
+from skillctl.simulation.episode import Episode, Metrics, Outcome, Unit
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
@@ -37,7 +37,8 @@ class SimulateReport:
         tip, held: The link that is the hand, and the joints of an arm by file that do not move and where they
             stay, [rad] or [m].
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
-        target: Workspace position of the target, [m].
+        target: Workspace position of the target, [m]; its joints for a skill that moves joints.
+        unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
         log, picture, video: Files that were written, if any.
@@ -65,6 +66,7 @@ class SimulateReport:
     notes: tuple[str, ...]
     tip: str
     held: dict[str, float]
+    unit: Unit
 
 
 def simulate(
@@ -125,7 +127,7 @@ def simulate(
         plane=placement.plane,
         scale=placement.scale,
         origin=tuple(placement.origin.tolist()),
-        target=tuple(result.target.tolist()),
+        target=tuple((setup.joint_plan.target if setup.joint_plan else result.target).tolist()),
         metrics=result.metrics,
         wall_seconds=result.wall_seconds,
         log=log,
@@ -134,6 +136,7 @@ def simulate(
         notes=(*setup.arm.notes, *proof_notes(source, scenario.control)),
         tip=setup.arm.tip_link,
         held=dict(setup.arm.held),
+        unit=setup.unit,
     )
 
 

@@ -49,6 +49,7 @@ class SimulateManyReport:
         arm, tip, held: The arm, the link that is its hand, and its joints that do not move.
         seed: Seed of all that was drawn.
         hands: Number of episodes by orientation of the hand.
+        unit: Unit of final errors and tracking: ``m``, or ``rad`` for a skill that moves joints.
         episodes, successes, success_rate: How many episodes there were, and how many succeeded.
         interval, confidence: Wilson's interval of the probability of a success.
         min_success, enough: The rate that was asked for, and whether it was met.
@@ -84,6 +85,7 @@ class SimulateManyReport:
     hands: dict[str, int]
     tip: str
     held: dict[str, float]
+    unit: str
 
 
 def simulate_many(
@@ -190,6 +192,7 @@ def _report(
         hands=dict(Counter(row.trace.hand for row in rows if row.trace is not None).most_common()),
         tip=model.tip_link,
         held=dict(model.held),
+        unit=source.skill.space.unit,
     )
 
 
