@@ -232,6 +232,7 @@ SEVEN = link("base") + chain([f"j{i}" for i in range(7)])
             "tcp",
         ),
         (ARM + fixed("l6", "gripper_base", "gripper_fingertip", "gripper_cover"), "l6", "gripper_base"),
+        (ARM + fixed("l6", "gripper_base") + fixed("gripper_base", "right_gripper"), "l6", "right_gripper"),
         (ARM + fixed("l6", "plate") + fixed("plate", "camera_link"), "l6", "plate"),
         # A mobile base with a torso, a head and wheels
         (
@@ -261,6 +262,13 @@ def test_the_hand_is_chosen_as_a_person_would(write: Write, inside: str, end: st
     robot = read_robot(write(inside))
     assert arm_ends(robot, {}) == [end]
     assert hand_frame(robot, end, {}) == hand
+
+
+def test_a_held_jaw_is_no_hand_and_a_held_wrist_carries_it(write: Write) -> None:
+    inside = ARM + moving("jaw_j", "l6", "jaw") + fixed("l6", "plate")
+    assert find_arm(str(write(inside)), hold=(("jaw_j", 0.02),)).tip_link == "l6"
+    arm = find_arm(str(write(ARM + fixed("l6", "tool0"))), hold=(("j6", 0.3),))
+    assert (arm.n_joints, arm.tip_link) == (5, "tool0")
 
 
 def test_two_equal_arms_are_a_question(write: Write) -> None:
