@@ -12,10 +12,14 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import InputDataError, UsageError
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ArmModel
+from skillctl.simulation.check import check
 from skillctl.simulation.hand import arm_ends, hand_frame
 from skillctl.simulation.robot_file import read_robot
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.urdf import find_arm
 
 Write = Callable[..., Path]
@@ -176,6 +180,27 @@ def test_a_follower_beside_the_arm_stays_and_this_is_said(write: Write) -> None:
     arm = find_arm(str(write(ARM + bellows)))
     assert arm.n_joints == 6
     assert "joint b mimics j2" in arm.notes[0]
+
+
+@pytest.mark.parametrize("ends", ['lower="0" upper="0"', 'lower="-0.3" upper="0.3"'])
+def test_what_the_check_tells_of_an_arm_by_file_is_what_happens(
+    write: Write, linear: Callable[..., SedsSkill], ends: str
+) -> None:
+    """Bullet enforces the limits of continuous joints, so the run could not do what the check promised."""
+    free = f'<limit {ends} effort="80" velocity="2.5"/>'
+    inside = ARM
+    for name, parent, child in (("j1", "base", "l1"), ("j4", "l3", "l4")):
+        limited = joint(name, parent, child, axis="0 0 1")
+        inside = inside.replace(limited, joint(name, parent, child, "continuous", "0 0 1", free))
+    scenario = Scenario(arm=str(write(inside)), start=(0.1, 0.5, 0.5), hand="free", base_yaw=0.0)
+    skill = linear((0.5, 0.1, 0.5))
+    told, happened = check(skill, scenario), simulate(skill, scenario)
+    assert inside != ARM
+    assert told.reachable
+    assert happened.success
+    assert np.abs(happened.series.joints[:, 0]).max() > 0.5  # beyond what is written
+    assert told.joint_margin == pytest.approx(happened.metrics.joint_margin, abs=0.01)
+    assert told.torque_ratio == pytest.approx(happened.metrics.torque_ratio, rel=0.2)
 
 
 def fixed(parent: str, *frames: str) -> str:
