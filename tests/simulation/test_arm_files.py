@@ -170,9 +170,26 @@ def test_a_joint_that_follows_another_is_no_joint_of_its_own(write: Write) -> No
         find_arm(path, hold=(("j3", 0.2),))
 
 
-def test_a_joint_that_follows_itself_is_refused(write: Write) -> None:
+def test_followers_of_followers_stay_with_them(write: Write) -> None:
+    follows = joint("j4", "l3", "l4", axis="0 0 1")
+    inside = mimicking("j3", "j2").replace(
+        follows, follows.replace(LIMIT, LIMIT + '<mimic joint="j3" multiplier="3" offset=".2"/>')
+    )
+    arm = find_arm(str(write(inside)), hold=(("j2", 0.05),))
+    assert dict(arm.held)["j4"] == pytest.approx(3 * (-2 * 0.05 + 0.1) + 0.2)
+
+
+@pytest.mark.parametrize("masters", [("j3", "j1"), ("j4", "j3")])
+def test_joints_that_follow_each_other_are_refused(write: Write, masters: tuple[str, str]) -> None:
+    inside = ARM
+    for name, parent, child, axis, master in (
+        ("j3", "l2", "l3", "0 1 0", masters[0]),
+        ("j4", "l3", "l4", "0 0 1", masters[1]),
+    ):
+        alone = joint(name, parent, child, axis=axis)
+        inside = inside.replace(alone, alone.replace(LIMIT, LIMIT + f'<mimic joint="{master}"/>'))
     with pytest.raises(InputDataError, match="mimics itself"):
-        find_arm(str(write(mimicking("j3", "j3"))))
+        find_arm(str(write(inside)))
 
 
 def test_a_follower_beside_the_arm_stays_and_this_is_said(write: Write) -> None:
