@@ -7,10 +7,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from skillctl.demonstrations.checks import prepare, set_notes
-from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
-from skillctl.demonstrations.formats import format_of, named
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
+from skillctl.demonstrations.formats import digest_of, format_of, named
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
@@ -52,6 +53,7 @@ def read_demonstrations(
     scale: float = 1.0,
     demos: Sequence[int] | None = None,
     frame: str = "base",
+    topic: str | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
 
@@ -68,9 +70,10 @@ def read_demonstrations(
         scale: Factor on all positions and velocities, after the conversion to metres.
         demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
         frame: Frame in which the positions are given; it is only recorded.
+        topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
 
     Raises:
-        NotFoundError: There is no such file.
+        NotFoundError: There is no such file, or the package that reads it is not installed.
         InputDataError: A file is unusable; the message gives file and place.
         UsageError: Options are out of range, or select a demonstration that does not exist.
     """
@@ -80,17 +83,24 @@ def read_demonstrations(
     sources = []
     with Child(LIMITS, NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), columns, child)
-            form = format_of(file) if forced is None else forced
+            file = File(path, read_bytes(path), columns, child, topic)
+            form, sha256 = format_of(file, forced), _sha256(file)
             recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
-            sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
+            sources.append(InputFile(path, sha256, form.name))
     selection = _selected(recordings, demos)
     names = _names(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
-    space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
+    space = Euclidean(names, unit=_unit(selection), frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
+
+
+def _sha256(file: File) -> str:
+    """Return the SHA-256 of a file, before a parser opens it: what changes later is seen to have changed."""
+    if file.path.is_dir() or file.content.startswith(OPENED):
+        return digest_of(file.path)
+    return hashlib.sha256(file.content).hexdigest()
 
 
 def _require_positive(**numbers: float | None) -> None:
@@ -149,18 +159,34 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     return names
 
 
+def _unit(recordings: Sequence[Recording]) -> Literal["m", "rad"]:
+    """Return the unit of the state space: m, or rad for joints.
+
+    Raises:
+        InputDataError: Some recordings are of joints, and others are not.
+    """
+    for recording in recordings:
+        if (recording.unit == "rad") != (recordings[0].unit == "rad"):
+            raise InputDataError(
+                f"{recording.label}: in {recording.unit}, but {recordings[0].label} is in "
+                f"{recordings[0].unit}.",
+                hint="Learn joints and positions apart.",
+            )
+    return "rad" if recordings[0].unit == "rad" else "m"
+
+
 def _file_notes(
     recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: Unit | None
 ) -> list[str]:
     """Return notes on the files and on how they were read."""
-    notes = []
+    notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
     unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
     if unused:
         notes.append(f"left aside: {listed(tuple(unused))}; use --columns to choose others.")
     if dt is not None and any(recording.times is not None for recording in recordings):
         notes.append("--dt is not used for files that contain times.")
     dimension = recordings[0].positions.shape[1]
-    if units is None and dimension > len(AXIS_NAMES):
+    if recordings[0].unit == "m" and units is None and dimension > len(AXIS_NAMES):
         notes.append(f"{dimension} dimensions are taken as metres; joint angles need --units rad.")
     first: dict[str, Path] = {}
     for source in sources:

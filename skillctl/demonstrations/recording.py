@@ -33,6 +33,7 @@ class Recording:
         part: Which demonstration of its file, empty if it is the only one.
         unit: Of the positions; rad for joint angles.
         unused: Columns of the file that are not used, although the user did not choose columns.
+        notes: For the user, a sentence each.
     """
 
     path: Path
@@ -44,6 +45,7 @@ class Recording:
     part: str = ""
     unit: Unit = "m"
     unused: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:

@@ -80,7 +80,9 @@ def test_another_datasets_hand_is_offered(save_robomimic, motions) -> None:
 
     with pytest.raises(InputDataError, match="no observation 'robot0_eef_pos'") as error:
         read_demonstrations([save_robomimic(motions[:1], edit=edit)])
-    assert error.value.hint == "The observations are: ee_pos, robot0_eef_quat."
+    assert error.value.hint == (
+        "Choose with --columns ee_pos. The observations are: ee_pos, robot0_eef_quat."
+    )
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,7 @@ def text(file: h5py.File) -> None:
         (without("data"), "an HDF5 file of unknown layout (found mask)."),
         (without("data/demo_0"), "an HDF5 file of unknown layout (found data, mask)."),
         (without(OBS), "its demonstrations hold no observations."),
-        (one_dimensional, "there is no observation 'robot0_eef_pos'"),
+        (one_dimensional, "observation 'robot0_eef_pos' has the shape (10,), not (samples, numbers)."),
         (text, "there is no observation 'robot0_eef_pos'"),
     ],
 )
@@ -238,7 +240,7 @@ def odd_name(file: h5py.File) -> None:
         (huge, "obs/robot0_eef_pos (274877906944, 3): too large; at most 256 MiB of numbers"),
         (many_just_small_enough, "obs/robot0_eef_pos (8388608, 3): too large; at most 256 MiB of"),
         (countless, "/data: more than 10000 members."),
-        (cycle, "its demonstrations hold no observations."),
+        (cycle, "there is no observation 'robot0_eef_pos'."),
         (odd_name, r"of unknown layout (found \x1b[2J, mask)."),
     ],
 )  # fmt: skip
