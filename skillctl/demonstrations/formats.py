@@ -72,10 +72,14 @@ FORMATS = (
     Format("csv", "CSV and TSV tables", (".csv", ".tsv", ".txt"), "table"),
     Format("tum", "TUM trajectories", (".txt",), "tum"),
     Format("npz", "NumPy archives", (".npz",), "archive"),
-    Format("robomimic", "robomimic datasets", (".hdf5",), "robomimic"),
+    Format("robomimic", "datasets of robomimic, ManiSkill, ALOHA and RoboSet", (".hdf5", ".h5"), "robomimic"),
     Format("lasa", "LASA motions", (".mat",), "lasa"),
     Format("lpvds", "LPV-DS demonstrations", (".mat",), "lpvds"),
-)
+    Format(
+        "bag", "bags of ROS 1 and 2", (".bag", ".mcap", ".db3"), "bags",
+        folder=("metadata.yaml", "*.mcap", "*.db3"), needs="rosbags",
+    ),
+)  # fmt: skip
 FOREIGN = {  # first bytes of files that are given by mistake, what they are, and a hint
     b"\x89SKILL": ("a skill, not a demonstration", "Inspect it with: skillctl inspect"),
     b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),

@@ -33,6 +33,11 @@ class Reading:
         "of a robomimic dataset. Default: x, y, z, else all columns but the time; of robomimic, "
         "robot0_eef_pos.",
     )
+    topic: str | None = option(
+        metavar="TOPIC",
+        group=READING,
+        help="Topic of a bag; of transforms with the frame that moves: /tf:tool0. Default: the only one.",
+    )
     dt: float | None = option(
         metavar="S", group=READING, help="Seconds between samples, if the file has no time."
     )

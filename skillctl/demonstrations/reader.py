@@ -87,6 +87,8 @@ def read_demonstrations(
             form, sha256 = format_of(file, forced), _sha256(file)
             recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
             sources.append(InputFile(path, sha256, form.name))
+    if topic is not None and all(source.importer != "bag" for source in sources):
+        raise UsageError("topic: none of the files is a bag, and only bags have topics.")
     selection = _selected(recordings, demos)
     names = _names(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
