@@ -95,7 +95,7 @@ def offered(features: Features) -> str:
 
 
 def _named(word: str, features: Features, path: Path, what: str) -> list[Column]:
-    whole = [name for name in features if word == name or name.endswith(f"/{word}")]
+    whole = [name for name in features if word == name or name.endswith((f"/{word}", f".{word}"))]
     if word in features or len(whole) == 1:
         return _whole(word if word in features else whole[0], features)
     every = [(name, i) for name, labels in features.items() for i in range(len(labels))]

@@ -79,6 +79,10 @@ FORMATS = (
         "bag", "bags of ROS 1 and 2", (".bag", ".mcap", ".db3"), "bags",
         folder=("metadata.yaml", "*.mcap", "*.db3"), needs="rosbags",
     ),
+    Format(
+        "lerobot", "LeRobot datasets", ("folder",), "lerobot",
+        folder=("meta/info.json", "meta/episodes/**/*.parquet", "data/**/*.parquet"), needs="pyarrow",
+    ),
 )  # fmt: skip
 FOREIGN = {  # first bytes of files that are given by mistake, what they are, and a hint
     b"\x89SKILL": ("a skill, not a demonstration", "Inspect it with: skillctl inspect"),

@@ -29,9 +29,9 @@ class Reading:
         read=read_words,
         metavar="X,Y,Z",
         group=READING,
-        help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
-        "of a robomimic dataset. Default: x, y, z, else all columns but the time; of robomimic, "
-        "robot0_eef_pos.",
+        help="Columns that hold the position, a joint of a skeleton such as HandRight, or vectors and "
+        "numbers of a dataset, as in ee_pos or 'left_*'. Default: x, y, z, else all columns but the time; of "
+        "datasets, the hand.",
     )
     topic: str | None = option(
         metavar="TOPIC",

@@ -113,6 +113,11 @@ def _require_positive(**numbers: float | None) -> None:
 
 def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:
     """Return the recording with the unit that the user gives and, in formats without names, the columns."""
+    if recording.asks_unit and units is None:
+        raise InputDataError(
+            f"{recording.label}: the file does not say the unit of {listed(recording.names or ())}.",
+            hint="Say it with --units.",
+        )
     unit = units or recording.unit
     if columns is None or recording.names is not None:
         return replace(recording, unit=unit)

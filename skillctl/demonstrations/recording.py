@@ -34,6 +34,7 @@ class Recording:
         unit: Of the positions; rad for joint angles.
         unused: Columns of the file that are not used, although the user did not choose columns.
         notes: For the user, a sentence each.
+        asks_unit: Whether the file does not say the unit, so that the user has to.
     """
 
     path: Path
@@ -46,6 +47,7 @@ class Recording:
     unit: Unit = "m"
     unused: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    asks_unit: bool = False
 
     @property
     def label(self) -> str:
