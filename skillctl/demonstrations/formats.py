@@ -75,6 +75,7 @@ FORMATS = (
     Format("robomimic", "datasets of robomimic, ManiSkill, ALOHA and RoboSet", (".hdf5", ".h5"), "robomimic"),
     Format("lasa", "LASA motions", (".mat",), "lasa"),
     Format("lpvds", "LPV-DS demonstrations", (".mat",), "lpvds"),
+    Format("damm", "DAMM demonstrations", (".mat",), "damm"),
     Format(
         "bag", "bags of ROS 1 and 2", (".bag", ".mcap", ".db3"), "bags",
         folder=("metadata.yaml", "*.mcap", "*.db3"), needs="rosbags",
@@ -165,7 +166,10 @@ def format_of(file: File, forced: Format | None = None) -> Format:
     from skillctl.demonstrations import matlab  # late: it needs NumPy
 
     if matlab.recognises(file):
-        expected = "demos (LASA: structs of pos, vel, t) or data (LPV-DS: matrices [x; dx/dt])"
+        expected = (
+            "demos (LASA: structs of pos, vel, t), data (LPV-DS: matrices [x; dx/dt]) or data_ee_pose (DAMM: "
+            "structs of pose)"
+        )
         raise matlab.other_layout(file, "a MATLAB file of unknown layout", expected)
     raise InputDataError(
         f"{file.path}: neither text nor a format that skillctl knows.",
