@@ -11,6 +11,7 @@ from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
 
 if TYPE_CHECKING:
+    from skillctl.demonstrations.arm import RecordedArm
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
@@ -55,8 +56,8 @@ class Reading:
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
 
-    def read(self, paths: Sequence[Path]) -> ReadResult:
-        """Return the demonstrations in the files."""
+    def read(self, paths: Sequence[Path], *, arm: RecordedArm | None = None) -> ReadResult:
+        """Return the demonstrations in the files, of the hand if they are joints of an arm."""
         from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
 
-        return read_demonstrations(paths, **vars(self))
+        return read_demonstrations(paths, arm=arm, **vars(self))

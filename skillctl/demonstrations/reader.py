@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.checks import prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named
@@ -54,6 +55,7 @@ def read_demonstrations(
     demos: Sequence[int] | None = None,
     frame: str = "base",
     topic: str | None = None,
+    arm: RecordedArm | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
 
@@ -71,6 +73,7 @@ def read_demonstrations(
         demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
         frame: Frame in which the positions are given; it is only recorded.
         topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
+        arm: The arm whose joints the files hold; the demonstrations are those of its hand.
 
     Raises:
         NotFoundError: There is no such file, or the package that reads it is not installed.
@@ -90,6 +93,8 @@ def read_demonstrations(
     if topic is not None and all(source.importer != "bag" for source in sources):
         raise UsageError("topic: none of the files is a bag, and only bags have topics.")
     selection = _selected(recordings, demos)
+    if arm is not None:
+        selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     space = Euclidean(names, unit=_unit(selection), frame=frame)
