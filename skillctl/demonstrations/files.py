@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,12 +32,18 @@ class File:
         columns: Names of the position columns that the user asked for; in formats without names the caller
             selects them.
         child: Process for parsers that use large C libraries, which a damaged file may crash or exhaust.
+        renamed: New names for columns, by their names in the file.
+        axes: What the axes of an array are, if the user says it: demo, time and dim.
+        max_dimension: Largest number of dimensions of a motion.
     """
 
     path: Path
     content: bytes
     columns: Sequence[str] | None
     child: Child
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    axes: Sequence[str] | None = None
+    max_dimension: int = 7
     _parsed: dict[Any, Any] = field(default_factory=dict)
 
     def parsed(self, parser: Callable[..., Any], kind: str, **options: Any) -> Any:

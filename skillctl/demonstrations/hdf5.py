@@ -70,6 +70,12 @@ def matrix(group: Any, name: str) -> Any | None:
     return dataset if numeric and len(dataset.shape) == 2 else None
 
 
+def shape(group: Any, name: str) -> tuple[int, ...] | None:
+    """Return the shape of a dataset in a group, or None if there is none of that name."""
+    dataset = _opened(group, name, h5o.TYPE_DATASET)
+    return None if dataset is None else tuple(dataset.shape)
+
+
 def require_small(datasets: Iterable[Any]) -> None:
     """Raise InputDataError if datasets claim more than MAX_BYTES together: a header may claim anything."""
     total = 0

@@ -27,6 +27,7 @@ def contents(content: bytes, keys: list[str]) -> dict[str, Any]:
     Returns:
         members: Of the root group.
         count: Number of demonstrations.
+        others: Shapes, as text, of the wanted observations that are no matrices.
         widths: Observations of the first one that can be motions, and how many columns each has.
         demonstrations: Positions by name, (T, d) each; empty if one of the observations is missing.
         frequency: Samples per second, None if the file does not give it.
@@ -36,12 +37,14 @@ def contents(content: bytes, keys: list[str]) -> dict[str, Any]:
         names = [] if data is None else list(filter(DEMONSTRATION.fullmatch, hdf5.members(data)))
         names.sort(key=lambda name: (int(name.removeprefix("demo_")), name))
         widths = _widths(data, names[0], keys) if names else {}
+        others = _shapes(data, names[0], keys) if names else {}
         chosen = names if set(keys) <= set(widths) else []
         matrices = {name: _matrices(data, name, keys) for name in chosen}
         hdf5.require_small(chain(*matrices.values()))
         return {
             "members": hdf5.members(root),
             "count": len(names),
+            "others": others,
             "widths": widths,
             "demonstrations": {
                 name: np.hstack([hdf5.numbers(matrix) for matrix in parts])
@@ -64,6 +67,13 @@ def _widths(data: Any, name: str, keys: list[str]) -> dict[str, int]:
         if matrix is not None and 0 < matrix.shape[1] <= WIDEST:
             widths[key] = int(matrix.shape[1])
     return widths
+
+
+def _shapes(data: Any, name: str, keys: list[str]) -> dict[str, str]:
+    """Return the shapes of those observations of a demonstration that are there, but are no matrices."""
+    observations = _observations(data, name)
+    shapes = {} if observations is None else {key: hdf5.shape(observations, key) for key in keys}
+    return {key: str(shape) for key, shape in shapes.items() if shape is not None and len(shape) != 2}
 
 
 def _matrices(data: Any, name: str, keys: list[str]) -> list[Any]:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+from skillctl.demonstrations.columns import Column
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, column_indices, listed, uniform_times
-from skillctl.errors import InputDataError
+from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
 POSITION = "robot0_eef_pos"  # the observation read unless others are chosen: the first hand, in metres
 
+POSITION_WORDS = {"pos", "position", "xyz"}
+
 
 def recognises(file: File) -> bool:
-    """Return whether the content is an HDF5 file."""
-    return file.content.startswith(b"\x89HDF")
+    """Return whether the content is an HDF5 file, which may begin behind a block of its user."""
+    starts = (0, *(512 << i for i in range(16)))  # where the library looks for it
+    return any(file.content.startswith(b"\x89HDF\r\n\x1a\n", start) for start in starts)
 
 
 def read(file: File) -> list[Recording]:
@@ -43,8 +47,21 @@ def read(file: File) -> list[Recording]:
             f"{path}: its demonstrations hold no observations.",
             hint="Extract them from the states, with robomimic's script dataset_states_to_obs.py.",
         )
+    for key in set(wanted) & set(dataset["others"]):
+        raise InputDataError(
+            f"{path}: the observation '{printable(key)}' has the shape {dataset['others'][key]}, "
+            "where positions have (T, d).",
+            hint=f"Store it as a matrix, or choose with --columns. The others are: {listed(tuple(widths))}.",
+        )
+    if file.columns is None and POSITION not in widths:
+        found = [key for key in widths if POSITION_WORDS & set(Column(key).words)]
+        raise InputDataError(
+            f"{path}: there is no observation '{POSITION}', which is read unless another is chosen.",
+            hint=f"Choose with --columns, as in --columns {printable((found or list(widths))[0])}. "
+            f"The observations are: {listed(tuple(widths))}.",
+        )
     column_indices(wanted, list(widths), path, what="observation")
-    names = _names({key: widths[key] for key in wanted})
+    names = _names({file.renamed.get(key, key): widths[key] for key in wanted})
     unused = () if file.columns is not None else tuple(key for key in widths if key not in wanted)
     return [
         Recording(

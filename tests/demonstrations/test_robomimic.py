@@ -80,7 +80,9 @@ def test_another_datasets_hand_is_offered(save_robomimic, motions) -> None:
 
     with pytest.raises(InputDataError, match="no observation 'robot0_eef_pos'") as error:
         read_demonstrations([save_robomimic(motions[:1], edit=edit)])
-    assert error.value.hint == "The observations are: ee_pos, robot0_eef_quat."
+    assert error.value.hint == (
+        "Choose with --columns, as in --columns ee_pos. The observations are: ee_pos, robot0_eef_quat."
+    )
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,10 @@ def text(file: h5py.File) -> None:
         (without("data"), "an HDF5 file of unknown layout (found mask)."),
         (without("data/demo_0"), "an HDF5 file of unknown layout (found data, mask)."),
         (without(OBS), "its demonstrations hold no observations."),
-        (one_dimensional, "there is no observation 'robot0_eef_pos'"),
+        (
+            one_dimensional,
+            "the observation 'robot0_eef_pos' has the shape (10,), where positions have (T, d).",
+        ),
         (text, "there is no observation 'robot0_eef_pos'"),
     ],
 )
