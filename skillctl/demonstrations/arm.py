@@ -9,6 +9,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations.recording import Recording, listed
+from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
@@ -41,7 +42,13 @@ class RecordedArm:
         Raises:
             InputDataError: It does not have one column for each joint, or they are beyond the limits.
         """
-        angles = recording.positions[:, self._order(recording)]
+        if recording.unit_said and recording.base != "rad":
+            raise InputDataError(
+                f"{recording.label}: its columns are in {recording.unit}, not angles of joints.",
+                hint="Leave out --arm, or choose the joints with --columns.",
+            )
+        unit = UNITS[recording.unit if recording.base == "rad" else "rad"]
+        angles = recording.positions[:, self._order(recording)] / unit.per_base
         self._require_within(recording, angles)
         return replace(
             recording,
@@ -49,6 +56,7 @@ class RecordedArm:
             velocities=None,
             names=AXIS_NAMES,
             unit="m",
+            unit_said=True,
             notes=(*recording.notes, f"positions are the hand's, from the base of the arm {self.name}."),
         )
 

@@ -51,8 +51,8 @@ def read(file: File) -> list[Recording]:
     topic = _chosen(file.opened(topics, KIND), file)
     found = file.opened(samples, KIND, topic=topic)
     frames, what = found["frames"], "joints" if found["joints"] else "position"
-    choice = choose(list(file.columns or [what]), {what: tuple(found["names"])}, path, what="vector")
-    positions = found["rows"][:, [index for _, index in choice.columns]]
+    choice = choose(list(file.columns or [what]), {what: tuple(found["names"])}, file, what="vector")
+    positions = found["rows"][:, [index for _, index in choice.places]]
     there = ~np.isnan(positions).all(axis=1)  # several nodes may publish joints of their own on one topic
     if len(frames) > 1:
         raise InputDataError(
@@ -70,6 +70,8 @@ def read(file: File) -> list[Recording]:
             names=choice.names,
             part=f"topic {printable(topic)[:80]}",
             unit="rad" if found["joints"] else "m",
+            unit_said=True,
+            taken=choice.taken,
             unused=() if file.columns is not None else choice.left,
             notes=tuple(notes),
         )

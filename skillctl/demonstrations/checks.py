@@ -9,6 +9,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
+from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError
 from skillctl.geometry import segment_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
@@ -77,7 +78,7 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
             "there is no motion to learn.",
             hint="Check that the recording is whole and the position columns are right, or leave it out.",
         )
-    per_unit = 1000.0 if recording.unit == "mm" else 1.0
+    per_unit = UNITS[recording.unit].per_base
     times, positions = times - times[0], positions * scale / per_unit
     if recording.velocities is None:
         demonstration = Demonstration.from_positions(times, positions, recording.source)

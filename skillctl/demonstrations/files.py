@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import stat
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,9 @@ class File:
         columns: Names of the position columns that the user asked for; in formats without names the caller
             selects them.
         child: Process for parsers that use large C libraries, which a damaged file may crash or exhaust.
+        renamed: New names for columns, by their names in the file.
+        axes: What the axes of an array are, if the user says it: demo, time and dim.
+        max_dimension: Largest number of dimensions of a motion.
         topic: Of a bag, the topic that the user asked for.
     """
 
@@ -44,6 +47,9 @@ class File:
     content: bytes
     columns: Sequence[str] | None
     child: Child
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    axes: Sequence[str] | None = None
+    max_dimension: int = 7
     topic: str | None = None
     _parsed: dict[Any, Any] = field(default_factory=dict)
 

@@ -71,7 +71,7 @@ class Format:
 FORMATS = (
     Format("csv", "CSV and TSV tables", (".csv", ".tsv", ".txt"), "table"),
     Format("tum", "TUM trajectories", (".txt",), "tum"),
-    Format("npz", "NumPy archives", (".npz",), "archive"),
+    Format("npz", "NumPy archives and arrays", (".npz", ".npy"), "archive"),
     Format("robomimic", "datasets of robomimic, ManiSkill, ALOHA and RoboSet", (".hdf5", ".h5"), "robomimic"),
     Format("lasa", "LASA motions", (".mat",), "lasa"),
     Format("lpvds", "LPV-DS demonstrations", (".mat",), "lpvds"),
@@ -88,10 +88,6 @@ FORMATS = (
 FOREIGN = {  # first bytes of files that are given by mistake, what they are, and a hint
     b"\x89SKILL": ("a skill, not a demonstration", "Inspect it with: skillctl inspect"),
     b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
-    b"\x93NUMPY": (
-        "a single NumPy array",
-        "Save it with times or dt: numpy.savez(file, positions=..., dt=...)",
-    ),
     b"\x1f\x8b": ("compressed with gzip", "Unpack it with: gunzip"),
     b"\xff\xfe": ("UTF-16 text", "Save it as UTF-8."),
     b"\xfe\xff": ("UTF-16 text", "Save it as UTF-8."),

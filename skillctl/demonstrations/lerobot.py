@@ -15,7 +15,6 @@ from skillctl.demonstrations.features import Choice, Features, choose, numbered,
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, listed
 from skillctl.errors import InputDataError, printable
-from skillctl.model.space import AXIS_NAMES
 
 KIND = "LeRobot dataset"
 INFO = "meta/info.json"
@@ -35,7 +34,8 @@ def read(file: File) -> list[Recording]:
     """Return the episodes of a dataset.
 
     Without ``file.columns``, the point x, y, z among the observations is read, if there is one; if there is
-    none, the joints in ``observation.state``, whose unit the user has to say. Times are those of the frames.
+    none, the joints in ``observation.state``, in radians unless the user says degrees. Times are those of the
+    frames.
 
     Raises:
         InputDataError: The dataset is damaged or of another version, a file of it is missing, or it is not
@@ -53,9 +53,10 @@ def read(file: File) -> list[Recording]:
     found = file.opened(overview, KIND)
     features: Features = {name: tuple(labels) for name, labels in found["features"].items()}
     choice = _choice(features, file)
-    keys = list(dict.fromkeys(key for key, _ in choice.columns))
+    keys = list(dict.fromkeys(key for key, _ in choice.places))
     stacked = [(key, index) for key in keys for index in range(len(features[key]))]
-    indices = [stacked.index(column) for column in choice.columns]
+    indices = [stacked.index(place) for place in choice.places]
+    named = all(features[key] != numbered(key, len(features[key])) for key in keys)
     episodes = file.opened(stacks, KIND, keys=keys)
     several = f"{path}: its episodes show {found['tasks']} tasks; --demos chooses those of one."
     return [
@@ -67,7 +68,8 @@ def read(file: File) -> list[Recording]:
             part=f"episode {episode}",
             unused=() if file.columns is not None else choice.left,
             notes=(several,) if found["tasks"] > 1 else (),
-            asks_unit=not all(name in AXIS_NAMES for name in choice.names),
+            unit="m" if choice.point or not named else "rad",
+            taken=choice.taken,
         )
         for episode, stack in episodes.items()
     ]
@@ -76,14 +78,14 @@ def read(file: File) -> list[Recording]:
 def _choice(features: Features, file: File) -> Choice:
     """Return the numbers that are the position."""
     if file.columns is not None:
-        return choose(list(file.columns), features, file.path, what="feature")
+        return choose(list(file.columns), features, file, what="feature")
     observed = {name: labels for name, labels in features.items() if name.startswith("observation")}
     holding = [name for name, labels in observed.items() if points(labels)]
     if len(holding) == 1 and len(points(observed[holding[0]])) == 1:
-        return choose(holding, observed, file.path, what="feature")
+        return choose(holding, observed, file, what="feature")
     named = STATE in observed and observed[STATE] != numbered(STATE, len(observed[STATE]))
     if not holding and named:
-        return choose([STATE], observed, file.path, what="feature")
+        return choose([STATE], observed, file, what="feature")
     numbers = [f"{name}/{label}" for name, labels in observed.items() for label in labels]
     raise InputDataError(
         f"{file.path}: it is not certain which numbers are the position.",

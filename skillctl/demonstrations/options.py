@@ -28,11 +28,11 @@ class Reading:
     )
     columns: tuple[str, ...] | None = option(
         read=read_words,
-        metavar="X,Y,Z",
+        metavar="X,Y,Z|NEW=OLD,…",
         group=READING,
         help="Columns that hold the position, a joint of a skeleton such as HandRight, or vectors and "
-        "numbers of a dataset, as in ee_pos or 'left_*'. Default: x, y, z, else all columns but the time; of "
-        "datasets, the hand.",
+        "numbers of a dataset, as in ee_pos or 'left_*'; x=hand_x renames one, t=clock says which is the "
+        "time. Default: x, y, z of the one thing that moves, else joint angles, else columns of other names.",
     )
     topic: str | None = option(
         metavar="TOPIC",
@@ -42,8 +42,10 @@ class Reading:
     dt: float | None = option(
         metavar="S", group=READING, help="Seconds between samples, if the file has no time."
     )
-    units: Literal["m", "mm", "rad"] | None = option(
-        group=READING, help="Unit of the positions. Default: the format's own, else m."
+    units: Literal["mm", "cm", "m", "deg", "rad"] | None = option(
+        group=READING,
+        help="Unit of the positions, or of joint angles. Default: what the header says, as in x_mm or "
+        "j1 (deg), else the format's own, else m.",
     )
     scale: float = option(1.0, metavar="F", group=READING, help="Multiply all positions.")
     demos: tuple[int, ...] | None = option(
@@ -51,6 +53,16 @@ class Reading:
         metavar="0,2,5-9",
         group=READING,
         help="Use these demonstrations only, counted from 0 over all files.",
+    )
+    axes: tuple[str, ...] | None = option(
+        read=read_words,
+        metavar="demo,time,dim",
+        group=READING,
+        help="What the axes of NPY and NPZ arrays are, in their order. Default: demo,time,dim or time,dim, "
+        "unless the sizes tell that it is another order.",
+    )
+    max_dimension: int = option(
+        7, metavar="N", group=READING, help="Refuse motions of more dimensions; an arm has seven joints."
     )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."

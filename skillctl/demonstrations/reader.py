@@ -7,17 +7,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+
+import numpy as np
 
 from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.checks import prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named
-from skillctl.demonstrations.recording import Recording, Unit, column_indices, listed
+from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
+
+TURN = 6.6  # [rad]; angles of joints are smaller than a turn, unless they are degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +53,11 @@ def read_demonstrations(
     input_format: str | None = None,
     columns: Sequence[str] | None = None,
     dt: float | None = None,
-    units: Unit | None = None,
+    units: str | None = None,
     scale: float = 1.0,
     demos: Sequence[int] | None = None,
+    axes: Sequence[str] | None = None,
+    max_dimension: int = 7,
     frame: str = "base",
     topic: str | None = None,
     arm: RecordedArm | None = None,
@@ -65,12 +70,15 @@ def read_demonstrations(
         paths: Files of any of ``FORMATS``.
         input_format: Name of a format: read every file as this one instead of looking at its content.
         columns: Names of the position columns, in this order: of a table's columns or a skeleton's joints, of
-            a robomimic dataset's observations; x, y, z (or q1 …) in formats without names.
+            a robomimic dataset's observations; x, y, z (or q1 …) in formats without names. ``new=old``
+            renames one; a new name of a time, such as ``t_ms``, makes it the time.
         dt: Sampling period of files that say nothing about time, [s].
-        units: Unit of the positions. By default the format's: millimetres for LASA, metres otherwise.
-            ``rad`` makes it a joint space.
+        units: Unit of the positions. By default what the file says, else the format's: millimetres for LASA,
+            metres otherwise. ``rad`` and ``deg`` make it a joint space.
         scale: Factor on all positions and velocities, after the conversion to metres.
         demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
+        axes: What the axes of arrays are: demo, time and dim, in their order.
+        max_dimension: Motions of more dimensions are refused.
         frame: Frame in which the positions are given; it is only recorded.
         topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
         arm: The arm whose joints the files hold; the demonstrations are those of its hand.
@@ -84,20 +92,21 @@ def read_demonstrations(
     _require_positive(dt=dt, scale=scale)
     recordings: list[Recording] = []
     sources = []
+    old, renamed = _renamed(columns)
     with Child(LIMITS, NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), columns, child, topic)
+            file = File(path, read_bytes(path), old, child, renamed, axes, max_dimension, topic)
             form, sha256 = format_of(file, forced), _sha256(file)
-            recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
+            recordings += [_as_asked(recording, file, units) for recording in form.read(file)]
             sources.append(InputFile(path, sha256, form.name))
     if topic is not None and all(source.importer != "bag" for source in sources):
         raise UsageError("topic: none of the files is a bag, and only bags have topics.")
     selection = _selected(recordings, demos)
     if arm is not None:
         selection = [arm.hand_of(recording) for recording in selection]
-    names = _names(selection)
+    names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
-    space = Euclidean(names, unit=_unit(selection), frame=frame)
+    space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
@@ -116,24 +125,49 @@ def _require_positive(**numbers: float | None) -> None:
             raise UsageError(f"{name}: must be a positive number, got {value!r}.")
 
 
-def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:
-    """Return the recording with the unit that the user gives and, in formats without names, the columns."""
-    if recording.asks_unit and units is None:
+def _renamed(columns: Sequence[str] | None) -> tuple[list[str] | None, dict[str, str]]:
+    """Return the names of columns in the files, and new names by these; ``new=old`` gives one.
+
+    Raises:
+        UsageError: One of them is empty.
+    """
+    if columns is None:
+        return None, {}
+    pairs = [(new.strip(), old.strip()) for new, _, old in (name.rpartition("=")[::1] for name in columns)]
+    if any("=" in name and not (new and old) for name, (new, old) in zip(columns, pairs, strict=True)):
+        raise UsageError("columns: NEW=OLD needs both names.", hint="As in --columns x=hand_x,y=hand_y.")
+    return [old for _, old in pairs], {old: new for new, old in pairs if new}
+
+
+def _as_asked(recording: Recording, file: File, units: str | None) -> Recording:
+    """Return the recording with the unit that the user gives and, in formats without names, the columns.
+
+    Raises:
+        InputDataError: The file says another unit.
+    """
+    if units is not None and recording.unit_said and recording.unit != units:
         raise InputDataError(
-            f"{recording.label}: the file does not say the unit of {listed(recording.names or ())}.",
-            hint="Say it with --units.",
+            f"{recording.path}: its positions are in {recording.unit}, and --units says {units}.",
+            hint="Leave out --units, or correct the header.",
         )
-    unit = units or recording.unit
+    if units is None and recording.base == "rad" and not recording.unit_said:
+        farthest = float(np.nan_to_num(np.abs(recording.positions)).max(initial=0.0))
+        if farthest > TURN:
+            raise InputDataError(
+                f"{recording.label}: joint angles up to {farthest:.4g}; are they degrees?",
+                hint="Say it with --units deg, or --units rad.",
+            )
+    recording = replace(recording, unit=units or recording.unit)
+    columns = file.columns
     if columns is None or recording.names is not None:
-        return replace(recording, unit=unit)
-    names = default_names(recording.positions.shape[1], unit)
+        return recording
+    names = default_names(recording.positions.shape[1], recording.base)
     indices = list(column_indices(columns, names, recording.path))
     return replace(
         recording,
-        unit=unit,
         positions=recording.positions[:, indices],
         velocities=None if recording.velocities is None else recording.velocities[:, indices],
-        names=tuple(columns),
+        names=tuple(file.renamed.get(name, name) for name in columns),
     )
 
 
@@ -149,19 +183,29 @@ def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[
     return [recordings[index] for index in dict.fromkeys(demos)]
 
 
-def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
+def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
-        InputDataError: Dimensions or names differ between files.
+        InputDataError: Dimensions, names or kinds of units differ between files, or there are too many.
     """
     named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
     if named is None:
         raise InputDataError("no demonstrations.", hint="Name at least one demonstration file.")
     dimension = named.positions.shape[1]
-    names = named.names or default_names(dimension, named.unit)
+    names = named.names or default_names(dimension, named.base)
+    if dimension > most:
+        raise InputDataError(
+            f"{named.label}: {dimension} dimensions; a motion has at most {most}.",
+            hint=f"Choose some with --columns. With --max-dimension {dimension} learning may take very long.",
+        )
     for recording in recordings:
         width = recording.positions.shape[1]
+        if recording.base != named.base:
+            raise InputDataError(
+                f"{recording.label}: in {recording.unit}, but {named.label} is in {named.unit}.",
+                hint="Positions and joint angles make no skill together; choose files or --units.",
+            )
         if width != dimension or recording.names not in (None, names):
             what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
             raise InputDataError(
@@ -171,38 +215,25 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
     return names
 
 
-def _unit(recordings: Sequence[Recording]) -> Literal["m", "rad"]:
-    """Return the unit of the state space: m, or rad for joints.
-
-    Raises:
-        InputDataError: Some recordings are of joints, and others are not.
-    """
-    for recording in recordings:
-        if (recording.unit == "rad") != (recordings[0].unit == "rad"):
-            raise InputDataError(
-                f"{recording.label}: in {recording.unit}, but {recordings[0].label} is in "
-                f"{recordings[0].unit}.",
-                hint="Learn joints and positions apart.",
-            )
-    return "rad" if recordings[0].unit == "rad" else "m"
-
-
 def _file_notes(
-    recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: Unit | None
+    recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: str | None
 ) -> list[str]:
     """Return notes on the files and on how they were read."""
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
+    taken = dict.fromkeys(name for recording in recordings for name in recording.taken)
     unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
     if unused:
-        notes.append(f"left aside: {listed(tuple(unused))}; use --columns to choose others.")
+        positions = f"the position is {listed(tuple(taken))}; " if taken else ""
+        notes.append(f"{positions}left aside: {listed(tuple(unused))}; use --columns to choose others.")
     if dt is not None and any(recording.times is not None for recording in recordings):
         notes.append("--dt is not used for files that contain times.")
-    dimension = recordings[0].positions.shape[1]
-    if recordings[0].unit == "m" and units is None and dimension > len(AXIS_NAMES):
-        notes.append(f"{dimension} dimensions are taken as metres; joint angles need --units rad.")
-    first: dict[str, Path] = {}
+    first, dimension = recordings[0], recordings[0].positions.shape[1]
+    if units is None and not first.unit_said and (first.base == "rad" or dimension > len(AXIS_NAMES)):
+        unit, other = ("radians", "deg") if first.base == "rad" else ("metres", "rad or --units deg")
+        notes.append(f"{dimension} dimensions are taken as {unit}; joint angles need --units {other}.")
+    paths: dict[str, Path] = {}
     for source in sources:
-        same = first.setdefault(source.sha256, source.path)
+        same = paths.setdefault(source.sha256, source.path)
         if same is not source.path:
             notes.append(f"{source.path} has the same content as {same}.")
     return notes

@@ -89,10 +89,10 @@ def read(file: File) -> list[Recording]:
     wanted = list(file.columns or [layout.preferred])
     features = {key: _labels(layout, key, width) for key, width in found["widths"].items()}
     _require(wanted, features, found["shapes"], file)
-    choice = choose(wanted, features, path, what="observation")
-    keys = list(dict.fromkeys(key for key, _ in choice.columns))
+    choice = choose(wanted, features, file, what="observation")
+    keys = list(dict.fromkeys(key for key, _ in choice.places))
     stacked = [(key, index) for key in keys for index in range(found["widths"][key])]
-    indices = [stacked.index(column) for column in choice.columns]
+    indices = [stacked.index(place) for place in choice.places]
     positions = file.opened(matrices, "HDF5 file", layout=layout.name, names=found["names"], keys=keys)
     period = None if found["frequency"] is None else 1 / found["frequency"]
     return [
@@ -103,6 +103,7 @@ def read(file: File) -> list[Recording]:
             names=choice.names,
             part=name,
             unit="rad" if all(ANGLES.search(key) for key in keys) else "m",
+            taken=choice.taken,
             unused=() if file.columns is not None else choice.left,
         )
         for name, stack in positions.items()
@@ -121,12 +122,13 @@ def _labels(layout: Layout, key: str, width: int) -> tuple[str, ...]:
 
 def _require(wanted: list[str], features: Features, shapes: dict[str, list[int]], file: File) -> None:
     """Refuse observations that are no rows of numbers, and offer others for one that nobody asked for."""
-    hint = f"{offered(features)}The observations are: {listed(list(features))}."
+    hint = f"{offered(features)} The observations are: {listed(list(features))}.".lstrip()
     for key in wanted:
         if key in shapes:
             shape = tuple(shapes[key])
             raise InputDataError(
-                f"{file.path}: observation '{key}' has the shape {shape}, not (samples, numbers).", hint=hint
+                f"{file.path}: the observation '{key}' has the shape {shape}, where positions have (T, d).",
+                hint=hint,
             )
     if file.columns is None and wanted[0] not in features:
         raise InputDataError(f"{file.path}: there is no observation '{wanted[0]}'.", hint=hint)

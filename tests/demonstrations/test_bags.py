@@ -193,7 +193,7 @@ def test_joints_are_taken_by_name_whoever_publishes_them(save) -> None:
     assert (demonstration.positions == expected).all()
     assert result.demonstrations.space.names == ("j1", "j2", "j3")
     assert result.demonstrations.space.unit == "rad"
-    assert result.notes[0].startswith("left aside: finger_joint1, finger_joint2;")
+    assert result.notes[0].startswith("the position is j1, j2, j3; left aside: finger_joint1, finger_joint2;")
     chosen = read_demonstrations([path], columns=["j3", "j1"])
     assert (chosen.demonstrations.demonstrations[0].positions == expected[:, [2, 0]]).all()
 

@@ -121,21 +121,25 @@ def test_the_hand_is_read_of_every_episode(save, motions, version: str) -> None:
     space = result.demonstrations.space
     assert (space.names, space.unit) == (("x", "y", "z"), "m")
     assert result.notes[0] == (
-        "left aside: roll, pitch, yaw, gripper_6, gripper_7; use --columns to choose others."
+        "the position is x, y, z; left aside: roll, pitch, yaw, gripper_6, gripper_7; "
+        "use --columns to choose others."
     )
     assert result.sources[0].importer == "lerobot"
 
 
 @pytest.mark.parametrize("version", TEMPLATES)
-def test_joints_need_their_unit_and_leave_the_gripper_aside(save, motions, version: str) -> None:
+def test_joints_leave_the_gripper_aside(save, motions, version: str) -> None:
     path = save(version, **JOINT_STATE)
-    with pytest.raises(InputDataError, match="does not say the unit of shoulder_pan, ") as error:
+    with pytest.raises(InputDataError, match="are they degrees") as error:
         read_demonstrations([path])
-    assert "--units" in error.value.hint
-    result = read_demonstrations([path], units="rad")
+    assert "--units deg" in error.value.hint
+    result = read_demonstrations([path], units="deg")
     assert result.demonstrations.space.names == tuple(SO100[:5])
-    assert (result.demonstrations.demonstrations[1].positions == states(64 * motions[1], 6)[:, :5]).all()
-    assert result.notes[0] == "left aside: gripper; use --columns to choose others."
+    assert result.demonstrations.space.unit == "rad"
+    degrees = np.degrees(result.demonstrations.demonstrations[1].positions)
+    expected = states(64 * motions[1], 6)[:, :5]
+    assert np.abs(degrees - expected).max() <= 4 * np.finfo(float).eps * expected.max()
+    assert "left aside: gripper;" in result.notes[0]
 
 
 def test_numbers_and_features_are_chosen_by_name(save, motions) -> None:

@@ -192,7 +192,7 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     [
         (b"\x89SKILL\r\n\x1a\n1 ", "a skill, not a demonstration"),
         (b"\x89HDF\r\n\x1a\n", "not an intact HDF5 file"),
-        (b"\x93NUMPY\x01\x00", "a single NumPy array"),
+        (b"\x93NUMPY\x01\x00", "not an intact NPY array"),
         (b"\x1f\x8b\x08", "compressed with gzip"),
         (b"%PDF-1.7", "a PDF document"),
         (b"\x89PNG\r\n", "a picture"),
@@ -271,7 +271,7 @@ def test_ends_far_apart_are_reported(write) -> None:
         ("t,x\n0,0\n2000,1\n", "lasts 2000 s; if its times are not seconds, say so in the header: t_ms."),
         (
             "t,a,b,c,d\n0,0,0,0,0\n1,1,1,1,1\n",
-            "4 dimensions are taken as metres; joint angles need --units rad.",
+            "4 dimensions are taken as metres; joint angles need --units rad or --units deg.",
         ),
     ],
 )

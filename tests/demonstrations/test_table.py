@@ -77,7 +77,7 @@ def test_columns_choose_and_order_the_positions(read_text) -> None:
 def test_of_a_pose_only_the_position_is_used_and_the_rest_is_reported(read_text) -> None:
     result = read_text("t,qx,z,y,x,grip\n0,9,3,2,1,open\n1,9,6,5,4,shut\n")
     assert only(result).positions.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert result.notes == ("left aside: qx, grip; use --columns to choose others.",)
+    assert result.notes == ("the position is x, y, z; left aside: qx, grip; use --columns to choose others.",)
 
 
 def test_without_x_and_y_every_column_counts(read_text) -> None:
@@ -124,7 +124,7 @@ def test_a_sheet_exported_as_tsv_is_read(read_text) -> None:
     text = '"time [s]"\t"x"\t"y"\t"note"\t\r\n0\t1\t2\t"start, left"\t\r\n0.5\t2\t3\t""\t\r\n'
     result = read_text(text)
     assert only(result).positions.tolist() == [[1, 2], [2, 3]]
-    assert result.notes == ("left aside: note; use --columns to choose others.",)
+    assert result.notes == ("the position is x, y; left aside: note; use --columns to choose others.",)
 
 
 def test_a_sheet_exported_with_decimal_commas_is_read(read_text) -> None:
