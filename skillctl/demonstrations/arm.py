@@ -57,6 +57,7 @@ class RecordedArm:
             names=AXIS_NAMES,
             unit="m",
             unit_said=True,
+            frame="",
             notes=(*recording.notes, f"positions are the hand's, from the base of the arm {self.name}."),
         )
 

@@ -59,7 +59,7 @@ def read(file: File) -> list[Recording]:
             f"{path}, topic {printable(topic)}: its positions are in several frames: {listed(frames)}.",
             hint="Record them in one.",
         )
-    notes = [f"{path}: positions are in the frame '{printable(frame)[:40]}'." for frame in frames]
+    notes = [f"positions are in the frame '{printable(frame)[:40]}'." for frame in frames]
     if not found["stamped"]:
         notes.append(f"{path}: its header stamps are not set; times are those of the recording.")
     return [
@@ -73,6 +73,7 @@ def read(file: File) -> list[Recording]:
             unit_said=True,
             taken=choice.taken,
             unused=() if file.columns is not None else choice.left,
+            frame="".join(frames),
             notes=tuple(notes),
         )
     ]

@@ -15,7 +15,7 @@ from skillctl.demonstrations.checks import prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named
 from skillctl.demonstrations.recording import Recording, column_indices, listed
-from skillctl.errors import InputDataError, UsageError
+from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
@@ -187,7 +187,7 @@ def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
-        InputDataError: Dimensions, names or kinds of units differ between files, or there are too many.
+        InputDataError: Dimensions, names, frames or kinds of units differ, or there are too many.
     """
     named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
     if named is None:
@@ -205,6 +205,12 @@ def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
             raise InputDataError(
                 f"{recording.label}: in {recording.unit}, but {named.label} is in {named.unit}.",
                 hint="Positions and joint angles make no skill together; choose files or --units.",
+            )
+        if recording.frame != named.frame and recording.frame and named.frame:
+            raise InputDataError(
+                f"{recording.label}: in the frame {printable(recording.frame)}, but {named.label} is in "
+                f"{printable(named.frame)}.",
+                hint="Learn them apart, or record them in one frame.",
             )
         if width != dimension or recording.names not in (None, names):
             what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"

@@ -220,9 +220,12 @@ def test_messages_that_arrive_late_are_put_in_order(save, curve) -> None:
 
 def test_positions_in_several_frames_are_refused(save, curve) -> None:
     motion = curve(dimension=3)
-    path = save(lambda m: poses(motion)(m) + poses(motion, frame="map")(m))
+    path = save(lambda m: poses(motion)(m) + poses(motion, frame="map")(m), "mcap-zstd")
     with pytest.raises(InputDataError, match="in several frames: panda_link0, map"):
         read_demonstrations([path])
+    one, other = save(poses(motion), "mcap"), save(poses(motion, frame="map"), "sqlite3")
+    with pytest.raises(InputDataError, match=r"in the frame map, but .* is in panda_link0"):
+        read_demonstrations([one, other])
 
 
 def test_a_bag_without_a_motion_says_what_it_holds(save, curve, write) -> None:

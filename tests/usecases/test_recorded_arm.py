@@ -12,6 +12,7 @@ from skillctl.arrays import FloatArray
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import InputDataError, NotFoundError, UsageError
 from skillctl.usecases.learn import learn
+from skillctl.usecases.manifest import read_manifest
 from skillctl.usecases.options import Robot
 from skillctl.usecases.recorded_arm import read_of
 
@@ -146,6 +147,18 @@ def test_a_tip_needs_an_arm_and_an_arm_has_to_exist(tmp_path) -> None:
         Robot(tip="hand")
     with pytest.raises(NotFoundError, match="no such arm"):
         read_of(Robot(arm=str(tmp_path / "nowhere.urdf")), Reading(), [tmp_path / "reach.csv"])
+
+
+def test_the_file_of_an_arm_lies_beside_its_manifest(tmp_path, planar) -> None:
+    table(tmp_path / "reach.csv", postures()[:, :3], ("a", "b", "c"))
+    (manifest := tmp_path / "skills.toml").write_text(
+        "[options]\narm = 'planar.urdf'\n"
+        "[[skills]]\nname = 'a'\ndata = 'reach.csv'\n[[skills]]\nname = 'b'\ndata = 'reach.csv'\narm = 'panda'\n"
+    )
+    by_file, by_name = (entry.request(tmp_path, False).robot for entry in read_manifest(manifest))
+    assert by_file.files == (planar,)
+    assert by_file.recorded == {"arm": "planar.urdf"}
+    assert (by_name.arm, by_name.files) == ("panda", ())
 
 
 def test_a_skill_of_the_hand_is_learned_again_when_the_arm_changes(tmp_path, planar) -> None:
