@@ -153,7 +153,8 @@ def test_the_file_of_an_arm_lies_beside_its_manifest(tmp_path, planar) -> None:
     table(tmp_path / "reach.csv", postures()[:, :3], ("a", "b", "c"))
     (manifest := tmp_path / "skills.toml").write_text(
         "[options]\narm = 'planar.urdf'\n"
-        "[[skills]]\nname = 'a'\ndata = 'reach.csv'\n[[skills]]\nname = 'b'\ndata = 'reach.csv'\narm = 'panda'\n"
+        "[[skills]]\nname = 'a'\ndata = 'reach.csv'\n"
+        "[[skills]]\nname = 'b'\ndata = 'reach.csv'\narm = 'panda'\n"
     )
     by_file, by_name = (entry.request(tmp_path, False).robot for entry in read_manifest(manifest))
     assert by_file.files == (planar,)
