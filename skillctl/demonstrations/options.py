@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
@@ -62,6 +62,17 @@ class Reading:
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
+
+    def recorded(self) -> dict[str, Any]:
+        """Return the choices that decide what is read, by their names.
+
+        A bound only refuses; and skills made before there were axes to choose stay up to date without them.
+        """
+        chosen = {**vars(self)}
+        del chosen["max_dimension"]
+        if self.axes is None:
+            del chosen["axes"]
+        return chosen
 
     def read(self, paths: Sequence[Path]) -> ReadResult:
         """Return the demonstrations in the files."""

@@ -199,7 +199,7 @@ def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[
     learning = asdict(options)
     learning["components"] = learning.pop("n_components")
     del learning["seed"]  # the operation has a field of its own for it
-    return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
+    return {**learning, **reading.recorded(), **({"validate": True} if validated else {})}
 
 
 def _results(fitted: Fit, left_out: tuple[LeftOut, ...]) -> dict[str, Any]:
