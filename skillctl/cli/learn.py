@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl learn reach-*.csv --name reach
-  skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
+  skillctl learn recording.csv --columns x=a,y=b,z=c --units mm -o reach.h5
   skillctl learn low_dim.hdf5 --demos 0-19 --name lift
   skillctl learn reach-*.bag --topic /joint_states --arm robot.urdf --name reach
   skillctl learn reach-*.csv --name reach --validate --plot reach.svg

@@ -162,17 +162,22 @@ def _order(
         return tuple(file.axes.index(name) for name in names), ()
 
     def fits(order: tuple[int, ...]) -> bool:
+        # One column more than dimensions: the time may stand before them.
         *_, time, dim = (shape[axis] for axis in order)
         longest = samples is not None or len(shape) == 2 or time == max(shape)
-        return dim <= file.max_dimension and longest and samples in (None, (time,))
+        return dim <= file.max_dimension + 1 and longest and samples in (None, (time,))
 
     usual = tuple(range(len(shape)))
     orders = [usual] if fits(usual) else [order for order in permutations(usual) if fits(order)]
-    if len(orders) != 1:
+    if not orders:
+        raise InputDataError(
+            f"{file.path}: none of its axes {shape} has at most {file.max_dimension} dimensions.",
+            hint=f"Choose some with --axes {','.join(names)} --columns q1,q2,…; or see --max-dimension.",
+        )
+    if len(orders) > 1:
         raise InputDataError(
             f"{file.path}: the sizes {shape} of its axes do not tell which are {', '.join(names)}.",
-            hint=f"Say it with --axes, as in --axes {','.join(names)}; motions of more than "
-            f"{file.max_dimension} dimensions need --max-dimension.",
+            hint=f"Say it with --axes, as in --axes {','.join(names)}.",
         )
     found = ",".join(names[orders[0].index(axis)] for axis in usual)
     note = (f"the axes are read as {found}, by their sizes {shape}; --axes says otherwise.",)

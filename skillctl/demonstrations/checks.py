@@ -23,6 +23,7 @@ SPIKE = 10.0  # a step this many times longer than the median one is a jump
 SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
 SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
 EXTENTS = (0.005, 10.0)  # [m]; extents that motions of an arm have
+REACH = 2.0  # [m] of most arms
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +144,11 @@ def _shape_notes(demonstrations: DemonstrationSet) -> list[str]:
             "extent of the motion; are they demonstrations of one motion to one target?"
         )
     if unit == "m" and extent > EXTENTS[1]:
-        notes.append(f"the motion extends over {extent:.3g} m; if these are millimetres, use --units mm.")
+        likely = [name for name in ("cm", "mm") if extent < REACH * UNITS[name].per_base]
+        notes.append(
+            f"the motion extends over {extent:.3g} m; if it does not, say the unit, as in --units "
+            f"{' or --units '.join(likely or ['mm'])}."
+        )
     if unit == "m" and extent < EXTENTS[0]:
         notes.append(f"the motion extends over {extent:.3g} m only; check --units and --scale.")
     return notes

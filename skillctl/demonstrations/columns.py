@@ -29,58 +29,63 @@ class Role:
     """
 
     name: str
-    words: frozenset[str] = frozenset()
-    pattern: re.Pattern[str] = re.compile(r"(?!)")
+    words: str = ""
+    pattern: str = "(?!)"
     has_axes: bool = False
 
-
-def _role(name: str, words: str = "", pattern: str = r"(?!)", *, has_axes: bool = False) -> Role:
-    return Role(name, frozenset(words.split()), re.compile(pattern), has_axes)
+    def fits(self, words: Sequence[str]) -> bool:
+        """Return whether a column with a name of these words has the role."""
+        return not set(self.words.split()).isdisjoint(words) or bool(
+            re.fullmatch(self.pattern, " ".join(words))
+        )
 
 
 ROLES = (  # the first that fits
-    _role(
+    Role(
         "time",
         "time times timestamp timestamps stamp stamps datetime clock elapsed epoch utc zeit temps tiempo",
-        "t|ts|",
+        "t|tv|(.* )?ts|",
     ),
-    _role(
+    Role(
         "demonstration",
         pattern="(demo|demonstration|trial|episode|repetition|rep|traj|trajectory|take|run)"
         "( (id|idx|index|nr|no|num|number))?",
     ),
-    _role(
+    Role(
         "velocity",
-        "vel velocity velocities speed speeds twist acc accel acceleration jerk omega qd qdot dq gyro imu",
-        r"(.* )?(v|w|d|dt)[xyz]|(.* )?v( .*)? [xyz]",
+        "vel velocity velocities speed speeds twist acc accel acceleration jerk omega qd qdot dq gyro imu "
+        "dot xdot ydot zdot",
+        "(.* )?(v|w|a|d|dt)[xyz]|(.* )?v( .*)? [xyz]",
     ),
-    _role(
+    Role(
         "force",
         "force forces torque torques wrench effort efforts ft tau currents voltage",
         "(.* )?f[xyz]",
     ),
-    _role("quality", "error residual confidence likelihood covariance cov std variance valid quality"),
-    _role("gripper", "gripper grip finger fingers jaw width opening aperture button trigger", has_axes=True),
-    _role(
+    Role("quality", "error residual confidence likelihood covariance cov std variance valid quality"),
+    Role("gripper", "gripper grip finger fingers jaw width opening aperture button trigger", has_axes=True),
+    Role(
         "joint",
         "joint joints",
-        r"(.* )?(q|qpos|j|axis|position|pos|angle|motor|servo|theta)s? \d+",
+        r"(.* )?((q|qpos|j|axis|position|pos|angle|motor|servo|theta)s? \d+|"
+        r"(shoulder|elbow|wrist|waist|forearm)( (pan|lift|flex|roll|yaw|pitch|rotate|rotation|\d+))?)"
+        "( (pos|position|angle))?",
         has_axes=True,
     ),
-    _role(
+    Role(
         "orientation",
-        "quat quaternion orientation orient rotation rot euler rpy roll pitch yaw rotvec heading theta "
-        "phi psi angle angles",
+        "quat quaternion orientation orient ori rotation rot euler rpy roll pitch yaw rotvec heading theta "
+        "phi psi ang angle angles",
         "(.* )?[qro][xyzw]|(.* )?q( .*)? [wxyz]",
     ),
-    _role(
+    Role(
         "counter",
         pattern="(.* )?(frame|frames|subframe|index|idx|seq|sequence|id|row|sample|samples|step|timestep|"
         "count|counter|tick|ticks|n|nr|no|number|line|iteration|unnamed 0)",
     ),
 )
 OTHER = Role("", has_axes=True)
-AXIS_AT_THE_END = re.compile(r"(?P<stem>t|p|pos|position|trans|translation|loc)(?P<axis>[xyz])")
+AXIS_IN_WORD = re.compile("(?:t|p|pos|position|trans|translation|loc)([xyz])|([xyz])pos(?:ition)?")
 POSES = {"pose", "tcp"}  # numbered columns: a position, and an orientation behind it
 PLACES = {*POSES, "pos", "position", "xyz", "translation", "eef", "ee"}  # three numbered columns: a position
 
@@ -118,10 +123,9 @@ class Column:
     @cached_property
     def role(self) -> Role:
         """What the column is for."""
-        words = " ".join(self.words)
-        if not words and (self.unit is None or self.unit.base != "s"):
+        if not self.words and (self.unit is None or self.unit.base != "s"):
             return OTHER
-        return next((r for r in ROLES if r.words & set(self.words) or r.pattern.fullmatch(words)), OTHER)
+        return next((role for role in ROLES if role.fits(self.words)), OTHER)
 
     @cached_property
     def axis(self) -> tuple[str, str] | None:
@@ -132,8 +136,10 @@ class Column:
             around = re.split(rf"(?<![^\W\d_]){found[0]}(?![^\W\d_])", self._apart, flags=re.IGNORECASE)
             left = filter(None, (part.strip(SEPARATORS + BETWEEN_WORDS) for part in around))
             return " ".join(left).replace(BETWEEN_WORDS, ""), found[0]
-        if match := AXIS_AT_THE_END.fullmatch(self.words[-1]):
-            return self.stem[:-1].strip(SEPARATORS), match["axis"]
+        if match := AXIS_IN_WORD.fullmatch(self.words[-1]):
+            word = self.words[-1]
+            thing = self.stem[: -len(word)] + word.replace(match[1] or match[2], "", 1)
+            return thing.strip(SEPARATORS), match[1] or match[2]
         stem, last = self.stem[:-1].strip(SEPARATORS), self.stem[-1:].lower()
         return (stem, last) if last in AXIS_NAMES and len(stem) > 1 else None
 
@@ -218,9 +224,10 @@ def recognised(columns: Sequence[Column], free: Sequence[int], most: int, path: 
             f"The joints are: {listed(tuple(things), 40)}.",
         )
     names = [columns[index].name for index in found]
+    example = printable(",".join(names[:3]))
     raise InputDataError(
         f"{path}: {len(found)} columns could be positions; which are?",
-        hint=f"Choose with --columns, as in --columns a,b,c. The columns are: {listed(names, 40)}.",
+        hint=f"Choose with --columns, as in --columns {example}. The columns are: {listed(names, 40)}.",
     )
 
 

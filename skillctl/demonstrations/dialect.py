@@ -18,7 +18,7 @@ Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
 HEAD = 200  # lines among which the first numbers are
 SAMPLE = 20  # of them by which the separator is judged
 COMMENT = ("#", "%")
-SEPARATORS = ("\t", ";", ",", " ")  # in doubt the first
+SEPARATORS = ("\t", ";", "|", ",", " ")  # in doubt the first
 SEPARATOR_LINE = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)  # Excel's own first line
 NUMBER = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 LABELS = ("type", "name", "id", "parent")  # first cells of the rows above the axes, in motion capture
@@ -73,8 +73,7 @@ def opened(text: Iterator[str], path: Path, header: Sequence[str] | None = None)
     separator = _separator(head)
     if head and SEPARATOR_LINE.fullmatch(head[0].strip("\n")):
         head[0] = "\n"
-    split = [cells(line.strip().lstrip("#% ") if _is_comment(line) else line, separator) for line in head]
-    rows = [(at, row) for at, row in enumerate(split) if any(row)]
+    rows = [(at, row) for at, line in enumerate(head) if any(row := _uncommented(line, separator))]
     for index, (at, first) in enumerate(rows):
         block = [] if header else _header(rows[:index], head, first)
         if not _starts(rows[index:], head) or not (header or block):
@@ -106,6 +105,12 @@ def parsed(text: Iterable[str], separator: str, consumed: int) -> Iterator[Row]:
     for row in reader:
         if any(row) and not row[0].startswith(COMMENT):
             yield consumed + reader.line_num, row
+
+
+def _uncommented(line: str, separator: str) -> list[str]:
+    """Return the cells of a line that may be a header, also in a comment; units in brackets are no cells."""
+    line = line.strip().lstrip("#% ") if _is_comment(line) else line
+    return cells(re.sub(r" +(?=[\[(])", "", line) if separator == " " else line, separator)
 
 
 def is_number(cell: str) -> bool:
@@ -227,9 +232,10 @@ def _facts(above: Sequence[Sequence[str]]) -> dict[str, str]:
     """Return what the lines above the header say: a key beside, before or above each value."""
     facts: dict[str, str] = {}
     for row, below in zip_longest(above, above[1:], fillvalue=()):
-        split = [part for cell in row for part in re.split(r"[:=]\s*", cell)]
-        for key, value in chain(zip(row, below, strict=False), pairwise(split)):
-            facts.setdefault(re.sub(r"[\W_]", "", key.lower()), value.strip())
+        split = [part.strip() for cell in row for part in re.split("[:=]", cell)]
+        for key, value in chain(pairwise(split), zip(row, below, strict=False)):
+            if value[:1].isdigit() or value.lower() in SPELLED:
+                facts.setdefault(re.sub(r"[\W_]", "", key.lower()), value)
         if len(row) == 1 and is_number(row[0]) and len(above) > 1:
             facts.setdefault("rate", row[0])  # Vicon's second line
     return facts

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from skillctl.demonstrations import clock
 from skillctl.demonstrations.columns import Column, chosen, positions, recognised
-from skillctl.demonstrations.dialect import Opened, meaning_of_commas, parsed
+from skillctl.demonstrations.dialect import Opened, is_number, meaning_of_commas, parsed
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import listed
 from skillctl.demonstrations.units import SPELLED, UNITS
@@ -97,15 +97,20 @@ def layout_of(table: Opened, file: File) -> Layout:
     """
     path = file.path
     names = _fitting(table.names, table.first)
+    first = [*table.first, *[""] * len(names)]
     columns = [_column(name, file, table.units[i : i + 1]) for i, name in enumerate(names)]
     wanted = _wanted(file, columns)
     asked = set(wanted or ())
     apart = [i for i, column in enumerate(columns) if column.name and column.name not in asked]
-    times = _clock(table, columns, [i for i in apart if columns[i].role.name == "time"])
+    times = _clock(table, first, columns, [i for i in apart if columns[i].role.name == "time"])
     demo = next((i for i in apart if columns[i].role.name == "demonstration"), None)
     used = {*times.columns, times.stamps, demo}
     free = [i for i, column in enumerate(columns) if column.name and i not in used]
-    found = chosen(wanted, columns, path) if wanted else recognised(columns, free, file.max_dimension, path)
+    if wanted:
+        found = chosen(wanted, columns, path)
+    else:
+        numbers = [i for i in free if not first[i] or is_number(first[i])]
+        found = recognised(columns, numbers, file.max_dimension, path)
     labels = _labels(found, columns, wanted)
     twice = {columns[i].axis for i in free if i not in found} & {columns[i].axis for i in found} - {None}
     if not found or len({label.lower() for label in labels}) < len(labels) or (twice and not wanted):
@@ -113,7 +118,8 @@ def layout_of(table: Opened, file: File) -> Layout:
             f"{path}: {'two position columns of one name' if found else 'no position columns'}.",
             hint=f"Name each column once, as in t,x,y,z. The columns are: {listed(names)}.",
         )
-    unit, said = _unit([columns[i] for i in found], table, path)
+    is_thing = tuple(found) in positions(columns).values()
+    unit, said = _unit([columns[i] for i in found], is_thing, table, path)
     layout = Layout(
         path,
         table.separator,
@@ -161,7 +167,7 @@ def _wanted(file: File, columns: Sequence[Column]) -> list[str] | None:
     return wanted or None
 
 
-def _clock(table: Opened, columns: Sequence[Column], times: Sequence[int]) -> Clock:
+def _clock(table: Opened, first: Sequence[str], columns: Sequence[Column], times: Sequence[int]) -> Clock:
     """Return how the times are written: the column of the plainest name, else frames at a known rate."""
     if not times:
         frames = [i for i, column in enumerate(columns) if column.words[:1] in (("frame",), ("frames",))]
@@ -172,7 +178,7 @@ def _clock(table: Opened, columns: Sequence[Column], times: Sequence[int]) -> Cl
             return Clock((frames[0],), (table.rate,), notes=(said,))
         return Clock(period=1 / table.rate, notes=(said,))
     best = min(times, key=lambda i: (" ".join(columns[i].words) not in CLOCKS, i))
-    if clock.is_stamp(table.first[best]):
+    if clock.is_stamp(first[best]):
         return Clock(stamps=best)
     same = {
         unit.name: i for i in times if columns[i].stem == columns[best].stem and (unit := columns[i].unit)
@@ -183,7 +189,7 @@ def _clock(table: Opened, columns: Sequence[Column], times: Sequence[int]) -> Cl
     unit = columns[best].unit
     if unit is not None and unit.base == "s":
         return Clock((best,), (unit.per_base,))
-    guess = clock.unit_of(_value(table.first[best]))
+    guess = clock.unit_of(_value(first[best]))
     if guess.name == "s":
         return Clock((best,), (guess.per_base,))
     note = f"the times of '{printable(columns[best].name)}' are read as {guess.name}, counted from 1970."
@@ -207,8 +213,8 @@ def _labels(found: Sequence[int], columns: Sequence[Column], wanted: Sequence[st
     return tuple(stem.lower() if stem.lower() in AXIS_NAMES else stem for stem in stems)
 
 
-def _unit(found: Sequence[Column], table: Opened, path: Path) -> tuple[str, bool]:
-    """Return the unit of positions, and whether the table says it.
+def _unit(found: Sequence[Column], is_thing: bool, table: Opened, path: Path) -> tuple[str, bool]:
+    """Return the unit of positions, of one thing or of joints, and whether the table says it.
 
     Raises:
         InputDataError: It says different ones.
@@ -221,7 +227,7 @@ def _unit(found: Sequence[Column], table: Opened, path: Path) -> tuple[str, bool
         )
     if said:
         return next(iter(said)), True
-    joints = all(column.role.name == "joint" and column.axis is None for column in found)
+    joints = not is_thing and all(column.role.name == "joint" for column in found)
     if not joints and (unit := SPELLED.get((table.length or "").lower())) is not None:
         return unit.name, True
     return ("rad" if joints else "m"), False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
@@ -67,6 +67,17 @@ class Reading:
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
+
+    def recorded(self) -> dict[str, Any]:
+        """Return the choices that decide what is read, by their names.
+
+        A bound only refuses; and skills made before there were axes and topics to choose stay up to date
+        without them.
+        """
+        later = ("axes", "topic")
+        chosen = {name: value for name, value in vars(self).items() if value is not None or name not in later}
+        del chosen["max_dimension"]
+        return chosen
 
     def read(self, paths: Sequence[Path], *, arm: RecordedArm | None = None) -> ReadResult:
         """Return the demonstrations in the files, of the hand if they are joints of an arm."""

@@ -11,15 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.demonstrations.arm import RecordedArm
-from skillctl.demonstrations.checks import prepare, set_notes
+from skillctl.demonstrations.checks import Findings, prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named
 from skillctl.demonstrations.recording import Recording, column_indices, listed
+from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
 
+DAY = 86400.0  # [s]
 TURN = 6.6  # [rad]; angles of joints are smaller than a turn, unless they are degrees
 
 
@@ -106,6 +108,7 @@ def read_demonstrations(
         selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
+    _require_short([found for _, found in prepared])
     space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
@@ -117,6 +120,17 @@ def _sha256(file: File) -> str:
     if file.path.is_dir() or file.content.startswith(OPENED):
         return digest_of(file.path)
     return hashlib.sha256(file.content).hexdigest()
+
+
+def _require_short(findings: Sequence[Findings]) -> None:
+    """Raise InputDataError if a recording lasts longer than a day: no motion does."""
+    longest = max(findings, key=lambda found: found.duration)
+    if longest.duration > DAY:
+        unit = next((u for u in ("ms", "us") if longest.duration < DAY / 100 * UNITS[u].per_base), "ns")
+        raise InputDataError(
+            f"{longest.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
+            hint=f"Say their unit in the header or with --columns, as in t_{unit} or --columns t_{unit}=t.",
+        )
 
 
 def _require_positive(**numbers: float | None) -> None:
@@ -143,9 +157,14 @@ def _as_asked(recording: Recording, file: File, units: str | None) -> Recording:
     """Return the recording with the unit that the user gives and, in formats without names, the columns.
 
     Raises:
-        InputDataError: The file says another unit.
+        InputDataError: The file says another unit, or one that needs the user's.
     """
-    if units is not None and recording.unit_said and recording.unit != units:
+    if units is None and recording.base == "px":
+        raise InputDataError(
+            f"{recording.path}: its positions are in pixels.",
+            hint="Say how large one is: --units m --scale METRES_PER_PIXEL.",
+        )
+    if units not in (None, recording.unit) and recording.unit_said and recording.base != "px":
         raise InputDataError(
             f"{recording.path}: its positions are in {recording.unit}, and --units says {units}.",
             hint="Leave out --units, or correct the header.",
@@ -235,8 +254,11 @@ def _file_notes(
         notes.append("--dt is not used for files that contain times.")
     first, dimension = recordings[0], recordings[0].positions.shape[1]
     if units is None and not first.unit_said and (first.base == "rad" or dimension > len(AXIS_NAMES)):
-        unit, other = ("radians", "deg") if first.base == "rad" else ("metres", "rad or --units deg")
-        notes.append(f"{dimension} dimensions are taken as {unit}; joint angles need --units {other}.")
+        notes.append(
+            "joint angles are taken as radians; degrees need --units deg."
+            if first.base == "rad"
+            else f"{dimension} dimensions are taken as metres; joint angles need --units rad or --units deg."
+        )
     paths: dict[str, Path] = {}
     for source in sources:
         same = paths.setdefault(source.sha256, source.path)

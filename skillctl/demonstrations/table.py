@@ -124,7 +124,11 @@ def _block(rows: list[Row], layout: Layout) -> Block:
             if not _is_plain_number(cell)
         )
         raise _not_a_number(rows[at], column, layout) from error
-    return np.array([line for line, _ in rows]), values, [_texts(cells, layout) for _, cells in rows]
+    return (
+        np.array([line for line, _ in rows]),
+        values,
+        [_texts(cells, layout) for _, cells in rows if layout.texts],
+    )
 
 
 def _is_plain_number(cell: str) -> bool:

@@ -13,7 +13,7 @@ class Unit:
 
     Attributes:
         name: Its short name, as in ``--units``.
-        base: Unit that it is converted to: m, rad or s.
+        base: Unit that it is converted to: m, rad or s; px for pixels, whose size is unknown.
         per_base: How many of it make one of the base.
         words: Other spellings, in small letters.
     """
@@ -38,6 +38,7 @@ UNITS = {
         Unit("um", "m", 1e6, "µm μm micrometre micrometres micrometer micrometers"),
         Unit("in", "m", 1 / 0.0254, "inch inches"),
         Unit("ft", "m", 1 / 0.3048, "foot feet"),
+        Unit("px", "px", 1.0, "pixel pixels"),
         Unit("rad", "rad", 1.0, "rads radian radians"),
         Unit("deg", "rad", 180 / math.pi, "° degs degree degrees"),
         Unit("s", "s", 1.0, "sec secs second seconds"),
@@ -50,7 +51,8 @@ SPELLED = {word: unit for unit in UNITS.values() for word in unit.spellings}
 WORDS = ("in", "ft", "foot", "feet")  # of names, too: units in brackets only
 BARE = "|".join(re.escape(spelling) for spelling in SPELLED if spelling not in WORDS)
 IN_BRACKETS = re.compile(r"(?P<stem>.*?)[\s_]*[\[({](?P<unit>[^\[\](){}]*)[\])}]\s*")
-AT_THE_END = re.compile(rf"(?:(?P<stem>.*?)(?:[\s_.,/-]|\s+in\s+))??(?P<unit>{BARE})", re.IGNORECASE)
+AT_THE_END = re.compile(rf"(?:(?P<stem>.*?)(?:[\s_.,:/-]|\s+in\s+))??(?P<unit>{BARE})", re.IGNORECASE)
+CAPITAL = re.compile(r"(?<=[a-z])(?=([MUN]s|[MUN]secs?|Secs?|Mm|Cm|Deg|Rad)$)")  # of a unit: timestampNs
 RATES = re.compile(r".*(/\s*s|s\s*\^?\s*-\s*[12])", re.IGNORECASE)
 FORCES = re.compile(r"N|N[\s.*·]?m", re.IGNORECASE)
 
@@ -69,6 +71,8 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
         if FORCES.fullmatch(spelled):
             return f"{stem} force", None
         return (name if spelled else stem), None
-    if match := AT_THE_END.fullmatch(name):
-        return (match["stem"] or "").rstrip(" _.,/-"), SPELLED[match["unit"].lower()]
-    return name, None
+    match = AT_THE_END.fullmatch(CAPITAL.sub("_", name))
+    unit = SPELLED[match["unit"].lower()] if match else None
+    if match is None or unit is None or not (match["stem"] or unit.base == "s" != name.lower()):
+        return name, None  # a column named m or s is no unit
+    return (match["stem"] or "").rstrip(" _.,:/-"), unit

@@ -31,7 +31,6 @@ from skillctl.usecases.make import Made, MakeReport, Request, make, require_stab
 from skillctl.usecases.options import Robot
 from skillctl.usecases.recorded_arm import read_of
 
-LATER = {"topic"}  # options that came later: skills that were made without them are still what they make
 LEARN_AGAIN = "Try --preset quality, another --seed, or fewer --components."
 
 
@@ -208,9 +207,8 @@ def _recorded(request: LearnRequest) -> dict[str, Any]:
     learning = asdict(request.options)
     learning["components"] = learning.pop("n_components")
     del learning["seed"]  # the operation has a field of its own for it
-    reading = {k: v for k, v in asdict(request.reading).items() if v is not None or k not in LATER}
     validated = {"validate": True} if request.validated else {}
-    return {**learning, **reading, **request.robot.recorded, **validated}
+    return {**learning, **request.reading.recorded(), **request.robot.recorded(), **validated}
 
 
 def _results(fitted: Fit, left_out: tuple[LeftOut, ...]) -> dict[str, Any]:

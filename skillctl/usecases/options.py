@@ -60,7 +60,6 @@ class Robot:
         """The file of the arm, if it has one."""
         return () if self.arm is None or self.arm in ARMS else (Path(self.arm),)
 
-    @property
     def recorded(self) -> dict[str, str]:
         """What is kept of it in a skill; the content of a file is, as of all inputs."""
         arm = None if self.arm is None else Path(self.arm).name

@@ -299,3 +299,26 @@ def test_a_file_that_libhdf5_never_finishes_is_given_up(save_robomimic, motions,
     assert str(path) in run.stderr
     assert "hint:" in run.stderr
     assert not list(path.parent.glob("reach.h5*"))
+
+
+@pytest.mark.parametrize("size", [512, 1024, 4096])
+def test_a_file_may_begin_with_a_block_of_its_user(save_robomimic, motions, tmp_path, size: int) -> None:
+    plain = save_robomimic(motions[:1])
+    path = tmp_path / "block.hdf5"
+    with h5py.File(plain) as old, h5py.File(path, "w", userblock_size=size) as new:
+        for name in old:
+            old.copy(name, new)
+    assert path.read_bytes()[:4] != b"\x89HDF"
+    result = read_demonstrations([path], dt=0.1)
+    assert result.sources[0].importer == "robomimic"
+    assert (result.demonstrations.demonstrations[0].positions == motions[0]).all()
+
+
+def test_an_observation_of_another_shape_is_refused_by_it(save_robomimic, motions) -> None:
+    def edit(file: h5py.File) -> None:
+        del file[POSITION]
+        file[POSITION] = np.zeros((10, 1, 4))
+
+    with pytest.raises(InputDataError, match=r"'robot0_eef_pos' has the shape \(10, 1, 4\), where") as error:
+        read_demonstrations([save_robomimic(motions[:1], edit=edit)])
+    assert error.value.hint.endswith("The others are: robot0_eef_quat.")

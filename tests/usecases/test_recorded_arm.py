@@ -158,7 +158,7 @@ def test_the_file_of_an_arm_lies_beside_its_manifest(tmp_path, planar) -> None:
     )
     by_file, by_name = (entry.request(tmp_path, False).robot for entry in read_manifest(manifest))
     assert by_file.files == (planar,)
-    assert by_file.recorded == {"arm": "planar.urdf"}
+    assert by_file.recorded() == {"arm": "planar.urdf"}
     assert (by_name.arm, by_name.files) == ("panda", ())
 
 
