@@ -23,12 +23,14 @@ class RecordedArm:
 
     Attributes:
         name: Of the arm, for messages.
+        hand: Link whose position is its hand's.
         joints: Names of its joints, from the base to the hand.
         lower, upper: Their limits, (n,), [rad].
         positions: Returns the hand's positions (T, 3) [m], in the frame of the base, for joints (T, n) [rad].
     """
 
     name: str
+    hand: str
     joints: tuple[str, ...]
     lower: FloatArray
     upper: FloatArray
@@ -58,7 +60,7 @@ class RecordedArm:
             unit="m",
             unit_said=True,
             frame="",
-            notes=(*recording.notes, f"positions are the hand's, from the base of the arm {self.name}."),
+            notes=(*recording.notes, f"positions are of {self.hand}, from the base of the arm {self.name}."),
         )
 
     def _order(self, recording: Recording) -> list[int]:

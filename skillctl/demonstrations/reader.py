@@ -95,9 +95,10 @@ def read_demonstrations(
     recordings: list[Recording] = []
     sources = []
     old, renamed = _renamed(columns)
+    most = max_dimension if arm is None else max(max_dimension, len(arm.joints))
     with Child(LIMITS, NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), old, child, renamed, axes, max_dimension, topic)
+            file = File(path, read_bytes(path), old, child, renamed, axes, most, topic)
             form, sha256 = format_of(file, forced), _sha256(file)
             recordings += [_as_asked(recording, file, units) for recording in form.read(file)]
             sources.append(InputFile(path, sha256, form.name))

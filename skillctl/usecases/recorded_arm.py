@@ -39,6 +39,7 @@ def recorded_arm(robot: Robot) -> RecordedArm | None:
     model = find_arm(robot.arm, robot.tip)
     return RecordedArm(
         name=model.name,
+        hand=model.tip_link,
         joints=joint_names(model),
         lower=np.array(model.lower),
         upper=np.array(model.upper),

@@ -99,7 +99,7 @@ def test_the_hand_of_the_panda_is_where_its_maker_says(tmp_path) -> None:
     assert np.abs(demonstration.positions - [panda_hand(posture) for posture in joints]).max() < 1e-5
     space = read.demonstrations.space
     assert (space.names, space.unit) == (("x", "y", "z"), "m")
-    assert "positions are the hand's, from the base of the arm panda." in read.notes
+    assert "positions are of panda_grasptarget, from the base of the arm panda." in read.notes
 
 
 def test_joints_are_taken_by_name_in_any_order(tmp_path) -> None:
