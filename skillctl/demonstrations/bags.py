@@ -210,6 +210,8 @@ def _opened(path: str) -> Iterator[_Bag]:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     place = Path(path)
+    if any(place.glob("*.zstd")):  # to unpack them is to write files, which this process may not
+        raise InputDataError("its files are compressed as a whole.", hint="Unpack them: zstd -d *.zstd")
     first = "" if place.is_dir() else _start(place)
     store = get_typestore(Stores.ROS1_NOETIC if first == "ROS 1" else Stores.ROS2_HUMBLE)
     if first == "ROS 1":

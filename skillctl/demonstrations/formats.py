@@ -147,8 +147,11 @@ def format_of(file: File, forced: Format | None = None) -> Format:
     if file.path.is_dir():
         form = _folder_format(file.path)
         if form is None or forced not in (None, form):
+            known = {suffix for each in FORMATS for suffix in each.suffixes if suffix.startswith(".")}
+            there = sorted({member.suffix for member in file.path.iterdir()} & known)
+            ending = there[0] if there else ".csv"
             raise InputDataError(
-                f"{file.path}: is a folder, not a file.", hint=f"Name its files: {file.path}/*.csv"
+                f"{file.path}: is a folder, not a file.", hint=f"Name its files: {file.path}/*{ending}"
             )
         return form
     if forced is not None:

@@ -13,16 +13,19 @@ import numpy as np
 from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.checks import Findings, prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
-from skillctl.demonstrations.formats import digest_of, format_of, named
+from skillctl.demonstrations.formats import digest_of, files_of, format_of, named
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
+from skillctl.workers.limits import Limits
 
 DAY = 86400.0  # [s]
 TURN = 6.6  # [rad]; angles of joints are smaller than a turn, unless they are degrees
+
+BYTES_PER_SECOND = 10**8  # that a parser reads at least: a disk may be slow, and a bag compressed
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +99,7 @@ def read_demonstrations(
     sources = []
     old, renamed = _renamed(columns)
     most = max_dimension if arm is None else max(max_dimension, len(arm.joints))
-    with Child(LIMITS, NO_PLUGINS) as child:
+    with Child(_limits(paths), NO_PLUGINS) as child:
         for path in map(Path, paths):
             file = File(path, read_bytes(path), old, child, renamed, axes, most, topic)
             form, sha256 = format_of(file, forced), _sha256(file)
@@ -114,6 +117,13 @@ def read_demonstrations(
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
+
+
+def _limits(paths: Sequence[Path]) -> Limits:
+    """Return the limits for parsing any of the files: a large one takes longer."""
+    files = [[file for file in files_of(Path(path)) if file.is_file()] for path in paths]
+    largest = max((sum(file.stat().st_size for file in some) for some in files), default=0)
+    return replace(LIMITS, seconds=LIMITS.seconds + largest // BYTES_PER_SECOND)
 
 
 def _sha256(file: File) -> str:

@@ -93,7 +93,8 @@ def save(tmp_path: Path) -> Callable[..., Path]:
             plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}[form]
             writer = Writer2(path, version=9, storage_plugin=plugin)
             if packed:
-                mode = CompressionMode.MESSAGE if packed == "messages" else CompressionMode.STORAGE
+                modes = {"messages": CompressionMode.MESSAGE, "file": CompressionMode.FILE}
+                mode = modes.get(packed, CompressionMode.STORAGE)
                 writer.set_compression(mode, CompressionFormat.ZSTD)
         serialize = messages.store.serialize_ros1 if form == "ros1" else messages.store.serialize_cdr
         connections: dict[str, Any] = {}
@@ -259,6 +260,20 @@ def test_damaged_bags_are_refused_in_words(save, curve, child, kind: str) -> Non
             bags.read(File(path, b"", None, child))
         except InputDataError as refusal:
             assert str(refusal).isprintable()  # noqa: PT017  # either is right
+
+
+def test_a_bag_that_is_packed_as_a_whole_says_how_to_unpack_it(save, curve) -> None:
+    with pytest.raises(InputDataError, match="its files are compressed as a whole") as error:
+        read_demonstrations([save(poses(curve(dimension=3)), "sqlite3-file")])
+    assert "zstd -d" in error.value.hint
+
+
+def test_a_folder_with_bags_says_to_name_them(save, curve) -> None:
+    path = save(poses(curve(dimension=3)))
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(InputDataError, match="is a folder, not a file") as error:
+        read_demonstrations([path])
+    assert error.value.hint == f"Name its files: {path}/*.mcap"
 
 
 def test_metadata_lead_nowhere_else(save, curve, tmp_path) -> None:
