@@ -120,6 +120,14 @@ def files_of(path: Path) -> list[Path]:
     return [path] if form is None else sorted(f for pattern in form.folder for f in path.glob(pattern))
 
 
+def size_of(path: Path) -> int:
+    """Return the size of what is read at a path, [bytes]; 0 if that cannot be known."""
+    try:
+        return sum(file.stat().st_size for file in files_of(path))
+    except (OSError, ValueError):  # whoever reads it says in words what is wrong
+        return 0
+
+
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of what is read at a path: a file's bytes, or the names and files of a folder."""
     from skillctl.demonstrations.files import sha256_of  # late: --help needs no processes
@@ -134,8 +142,11 @@ def digest_of(path: Path) -> str:
 
 
 def _folder_format(path: Path) -> Format | None:
-    """Return the format of a folder, None if it has none or is a file."""
-    return next((form for form in FORMATS if form.folder and (path / form.folder[0]).is_file()), None)
+    """Return the format of a folder, None if it has none, is a file, or may not be looked into."""
+    try:
+        return next((form for form in FORMATS if form.folder and (path / form.folder[0]).is_file()), None)
+    except OSError:
+        return None
 
 
 def format_of(file: File, forced: Format | None = None) -> Format:

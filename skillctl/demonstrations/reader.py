@@ -13,7 +13,7 @@ import numpy as np
 from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.checks import Findings, prepare, set_notes
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
-from skillctl.demonstrations.formats import digest_of, files_of, format_of, named
+from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
@@ -121,8 +121,7 @@ def read_demonstrations(
 
 def _limits(paths: Sequence[Path]) -> Limits:
     """Return the limits for parsing any of the files: a large one takes longer."""
-    files = [[file for file in files_of(Path(path)) if file.is_file()] for path in paths]
-    largest = max((sum(file.stat().st_size for file in some) for some in files), default=0)
+    largest = max((size_of(Path(path)) for path in paths), default=0)
     return replace(LIMITS, seconds=LIMITS.seconds + largest // BYTES_PER_SECOND)
 
 

@@ -122,16 +122,19 @@ def _labels(layout: Layout, key: str, width: int) -> tuple[str, ...]:
 
 def _require(wanted: list[str], features: Features, shapes: dict[str, list[int]], file: File) -> None:
     """Refuse observations that are no rows of numbers, and offer others for one that nobody asked for."""
-    hint = f"{offered(features)} The observations are: {listed(list(features))}.".lstrip()
+    offer, names = offered(features), listed(list(features))
     for key in wanted:
         if key in shapes:
             shape = tuple(shapes[key])
             raise InputDataError(
                 f"{file.path}: the observation '{key}' has the shape {shape}, where positions have (T, d).",
-                hint=hint,
+                hint=f"{offer} The others are: {names}.".lstrip(),
             )
     if file.columns is None and wanted[0] not in features:
-        raise InputDataError(f"{file.path}: there is no observation '{wanted[0]}'.", hint=hint)
+        raise InputDataError(
+            f"{file.path}: there is no observation '{wanted[0]}'.",
+            hint=f"{offer} The observations are: {names}.".lstrip(),
+        )
 
 
 def overview(path: str, keys: list[str]) -> dict[str, Any]:

@@ -128,7 +128,7 @@ def test_roboset_is_read_by_the_joints_of_its_arm(tmp_path) -> None:
         for trial in range(2):
             data = file.create_group(f"Trial{trial}/data")
             data["qp_arm"] = np.linspace(0, 1, 9)[:, None] ** 2 + np.arange(7.0) / 4
-            data["qp_ee"] = np.zeros((9, 1))
+            data["qp_ee"] = np.zeros(9)
             data["time"] = np.arange(9.0)
     result = read_demonstrations([tmp_path / "roboset.h5"], dt=0.1)
     assert result.demonstrations.space.names == tuple(f"qp_arm_{i}" for i in range(7))
