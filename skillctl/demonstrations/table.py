@@ -177,7 +177,7 @@ def _split(
             unit_said=layout.said,
             taken=tuple(layout.names[i] for i in layout.positions),
             unused=layout.unused,
-            notes=_notes(layout),
+            notes=_notes(layout, len(members)),
         )
         for rows in members
     ]
@@ -222,10 +222,10 @@ def _require_coordinates(layout: Layout, found: FloatArray) -> None:
             )
 
 
-def _notes(layout: Layout) -> tuple[str, ...]:
+def _notes(layout: Layout, count: int) -> tuple[str, ...]:
     notes = list(layout.clock.notes)
     if layout.commas == "thousands":
         notes.append("commas in numbers are read as separators between thousands.")
-    if layout.demo is not None and layout.names[layout.demo].lower() != "demo":
+    if layout.demo is not None and count > 1 and layout.names[layout.demo].lower() != "demo":
         notes.append(f"the column '{printable(layout.names[layout.demo])}' tells demonstrations apart.")
     return tuple(notes)
