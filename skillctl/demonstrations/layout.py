@@ -17,12 +17,14 @@ from skillctl.demonstrations.units import SPELLED, UNITS
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
+UTF16 = (b"\xff\xfe", b"\xfe\xff")  # Excel's "Unicode text"
 CLOCKS = ("t", "time", "stamp", "timestamp", "timestamps")  # preferred to other names of times
 
 
 def text_of(file: File) -> io.TextIOWrapper:
-    """Return the lines of a file; a byte order mark is none of its text."""
-    return io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
+    """Return the lines of a file in UTF-8, or with a byte order mark in UTF-16."""
+    encoding = "utf-16" if file.content.startswith(UTF16) else "utf-8-sig"
+    return io.TextIOWrapper(io.BytesIO(file.content), encoding=encoding)
 
 
 @dataclass(frozen=True, slots=True)

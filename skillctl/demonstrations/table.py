@@ -13,7 +13,7 @@ from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations import clock
 from skillctl.demonstrations.dialect import COMMENT, Row, opened, parsed
 from skillctl.demonstrations.files import File
-from skillctl.demonstrations.layout import Layout, layout_of, text_of
+from skillctl.demonstrations.layout import UTF16, Layout, layout_of, text_of
 from skillctl.demonstrations.recording import GAPS, Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, printable
 
@@ -24,7 +24,7 @@ ROWS = 8192  # lines that are parsed together: the text is never in memory as a 
 
 def recognises(file: File) -> bool:
     """Return whether the content is text: tables have nothing else in common."""
-    return b"\0" not in file.content
+    return file.content.startswith(UTF16) or b"\0" not in file.content
 
 
 def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
