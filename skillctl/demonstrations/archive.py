@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
+from skillctl.demonstrations.clock import unit_of
+from skillctl.demonstrations.columns import Column
 from skillctl.demonstrations.files import MAX_BYTES, File, damaged
 from skillctl.demonstrations.recording import Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, UsageError, printable
@@ -42,7 +44,10 @@ def read(file: File) -> list[Recording]:
     - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
     - ``positions`` (D, T, d): D of them; optional ``velocities`` (D, T, d), ``times`` (T,) or (D, T);
     - one array (T, d) or (D, T, d) of any name, or several whose names end in a number (``demo_3``): one
-      demonstration each, in their order; optional ``<name>_times`` (T,). An NPY file is one array.
+      demonstration each, in their order; optional ``<name>_times`` (T,). An NPY file is one array. Arrays
+      that are velocities, orientations, forces or grippers by their names are left aside.
+
+    Without ``times``, an array with the name of a time is one, ``t`` or ``stamp_ns``, if its size fits.
 
     In all of them a scalar ``dt`` [s] may replace the times. Axes in another order are recognised by their
     sizes, unless ``file.axes`` says the order; and of columns, a time and a unit quaternion by their values.
@@ -90,6 +95,7 @@ def _stacked(arrays: Arrays, dt: float | None, file: File) -> list[Recording]:
 def _named(arrays: Arrays, dt: float | None, file: File) -> list[Recording]:
     """Return the demonstrations of an archive with one array each, or with one of all."""
     names = [name for name, array in arrays.items() if array.ndim in (2, 3) and array.dtype.kind in NUMERIC]
+    names = [name for name in names if len(names) == 1 or Column(name).role.name in ("", "joint")]
     used = {"dt", *names, *(f"{name}_times" for name in names)}
     unused = tuple(name for name in arrays if name not in used)
     if not names or (len(names) > 1 and not all(name[-1:].isdigit() for name in names)):
@@ -108,9 +114,14 @@ def _recordings(
     key, path = keys[0], file.path
     positions = _numbers(arrays, key, path)
     velocities = _numbers(arrays, keys[1], path) if keys[1] and keys[1] in arrays else None
-    if positions.ndim not in (2, 3) or (velocities is not None and velocities.shape != positions.shape):
+    if (
+        positions.ndim not in (2, 3)
+        or not positions.size
+        or (velocities is not None and velocities.shape != positions.shape)
+    ):
         raise _unknown_layout(arrays, path)
-    times = _numbers(arrays, keys[2], path) if keys[2] in arrays else None
+    clock = keys[2] if keys[2] in arrays else _clock(arrays, positions.shape)
+    times = None if clock is None else _numbers(arrays, clock, path)
     samples = None if times is None else times.shape[-1:]
     if samples and samples[0] not in positions.shape:
         raise _unknown_layout(arrays, path)
@@ -119,7 +130,10 @@ def _recordings(
     shape = shape if len(shape) == 3 else (1, *shape)
     if times is not None and times.shape not in (shape[1:2], shape[:2]):
         raise _unknown_layout(arrays, path)
-    times = uniform_times(dt, shape[1]) if times is None and dt is not None else times
+    if times is None:
+        times = None if dt is None else uniform_times(dt, shape[1])
+    else:
+        times = times / (Column(clock or "").unit or unit_of(float(times.flat[0]))).per_base
     inner = "" if key in RESERVED or not key else f"array {printable(key)[:40]}"
     recordings = []
     for i in range(shape[0]):
@@ -131,11 +145,18 @@ def _recordings(
                 times=None if times is None else np.broadcast_to(times, shape[:2])[i],
                 velocities=None if velocities is None else velocities.transpose(order).reshape(shape)[i],
                 part=", ".join(filter(None, (inner, outer))),
-                unused=unused,
+                unused=tuple(name for name in unused if name != clock),
                 notes=notes,
             )
         )
     return _without_clock_and_quaternion(recordings)
+
+
+def _clock(arrays: Arrays, shape: tuple[int, ...]) -> str | None:
+    """Return the name of an array that is the times of one with this shape, by its name and size, or None."""
+    sizes = {(size,) for size in shape}
+    fitting = [name for name, array in arrays.items() if array.shape in sizes and array.dtype.kind in NUMERIC]
+    return next((name for name in fitting if name and Column(name).role.name == "time"), None)
 
 
 def _order(

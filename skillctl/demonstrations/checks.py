@@ -186,7 +186,8 @@ def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
     if dt is None:
         raise InputDataError(
             f"{recording.label}: it has no times.",
-            hint="Give the sampling period with --dt SECONDS, or name a column t or time.",
+            hint="Give the sampling period with --dt SECONDS, or say which column is the time, as in "
+            "--columns t=NAME.",
         )
     return uniform_times(dt, len(recording.positions)), estimated
 

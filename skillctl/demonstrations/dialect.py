@@ -15,7 +15,7 @@ from skillctl.errors import InputDataError
 
 Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
 
-HEAD = 200  # lines among which the first numbers are
+HEAD = 1000  # lines among which the first numbers are
 SAMPLE = 20  # of them by which the separator is judged
 COMMENT = ("#", "%")
 SEPARATORS = ("\t", ";", "|", ",", " ")  # in doubt the first

@@ -89,8 +89,6 @@ FOREIGN = {  # first bytes of files that are given by mistake, what they are, an
     b"\x89SKILL": ("a skill, not a demonstration", "Inspect it with: skillctl inspect"),
     b"MATLAB 7.3": ("a MATLAB 7.3 file, which is not read", "Save it in MATLAB with: save -v7"),
     b"\x1f\x8b": ("compressed with gzip", "Unpack it with: gunzip"),
-    b"\xff\xfe": ("UTF-16 text", "Save it as UTF-8."),
-    b"\xfe\xff": ("UTF-16 text", "Save it as UTF-8."),
     b"%PDF": ("a PDF document", "Name a demonstration file."),
     b"\x89PNG": ("a picture", "Name a demonstration file."),
 }

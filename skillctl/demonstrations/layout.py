@@ -17,12 +17,14 @@ from skillctl.demonstrations.units import SPELLED, UNITS
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
+UTF16 = (b"\xff\xfe", b"\xfe\xff")  # Excel's "Unicode text"
 CLOCKS = ("t", "time", "stamp", "timestamp", "timestamps")  # preferred to other names of times
 
 
 def text_of(file: File) -> io.TextIOWrapper:
-    """Return the lines of a file; a byte order mark is none of its text."""
-    return io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
+    """Return the lines of a file in UTF-8, or with a byte order mark in UTF-16."""
+    encoding = "utf-16" if file.content.startswith(UTF16) else "utf-8-sig"
+    return io.TextIOWrapper(io.BytesIO(file.content), encoding=encoding)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +114,10 @@ def layout_of(table: Opened, file: File) -> Layout:
         numbers = [i for i in free if not first[i] or is_number(first[i])]
         found = recognised(columns, numbers, file.max_dimension, path)
     labels = _labels(found, columns, wanted)
-    twice = {columns[i].axis for i in free if i not in found} & {columns[i].axis for i in found} - {None}
-    if not found or len({label.lower() for label in labels}) < len(labels) or (twice and not wanted):
+    unused = () if wanted else tuple(i for i in free if i not in found)
+    axes = {columns[i].axis for i in found} - {None}
+    twice = len({label.lower() for label in labels}) < len(labels) or axes & {columns[i].axis for i in unused}
+    if not found or twice:
         raise InputDataError(
             f"{path}: {'two position columns of one name' if found else 'no position columns'}.",
             hint=f"Name each column once, as in t,x,y,z. The columns are: {listed(names)}.",
@@ -131,7 +135,7 @@ def layout_of(table: Opened, file: File) -> Layout:
         labels,
         unit,
         said,
-        () if wanted else tuple(names[i] for i in free if i not in found),
+        tuple(names[i] for i in unused),
     )
     return replace(layout, commas=_commas(table, layout, file))
 
@@ -157,7 +161,7 @@ def _column(name: str, file: File, unit: Sequence[str]) -> Column:
 
 
 def _wanted(file: File, columns: Sequence[Column]) -> list[str] | None:
-    """Return the names of the position columns that the user asks for, None if he leaves it to us."""
+    """Return the names of the position columns that the user asks for, None if nothing is chosen."""
     known = {column.name for column in columns}
     wanted = []
     for old in file.columns or ():
@@ -169,6 +173,8 @@ def _wanted(file: File, columns: Sequence[Column]) -> list[str] | None:
 
 def _clock(table: Opened, first: Sequence[str], columns: Sequence[Column], times: Sequence[int]) -> Clock:
     """Return how the times are written: the column of the plainest name, else frames at a known rate."""
+    if not times and not columns[0].name and (clock.is_stamp(first[0]) or "." in first[0]):
+        times = [0]  # an index of pandas that is no counter
     if not times:
         frames = [i for i, column in enumerate(columns) if column.words[:1] in (("frame",), ("frames",))]
         if table.rate is None:
@@ -228,9 +234,9 @@ def _unit(found: Sequence[Column], is_thing: bool, table: Opened, path: Path) ->
     if said:
         return next(iter(said)), True
     joints = not is_thing and all(column.role.name == "joint" for column in found)
-    if not joints and (unit := SPELLED.get((table.length or "").lower())) is not None:
-        return unit.name, True
-    return ("rad" if joints else "m"), False
+    base = "rad" if joints else "m"
+    above = SPELLED.get((table.length or "").lower())
+    return (above.name, True) if above is not None and above.base == base else (base, False)
 
 
 def _commas(table: Opened, layout: Layout, file: File) -> str:

@@ -13,7 +13,7 @@ from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations import clock
 from skillctl.demonstrations.dialect import COMMENT, Row, opened, parsed
 from skillctl.demonstrations.files import File
-from skillctl.demonstrations.layout import Layout, layout_of, text_of
+from skillctl.demonstrations.layout import UTF16, Layout, layout_of, text_of
 from skillctl.demonstrations.recording import GAPS, Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, printable
 
@@ -24,7 +24,7 @@ ROWS = 8192  # lines that are parsed together: the text is never in memory as a 
 
 def recognises(file: File) -> bool:
     """Return whether the content is text: tables have nothing else in common."""
-    return b"\0" not in file.content
+    return file.content.startswith(UTF16) or b"\0" not in file.content
 
 
 def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
@@ -177,7 +177,7 @@ def _split(
             unit_said=layout.said,
             taken=tuple(layout.names[i] for i in layout.positions),
             unused=layout.unused,
-            notes=_notes(layout),
+            notes=_notes(layout, len(members)),
         )
         for rows in members
     ]
@@ -222,10 +222,10 @@ def _require_coordinates(layout: Layout, found: FloatArray) -> None:
             )
 
 
-def _notes(layout: Layout) -> tuple[str, ...]:
+def _notes(layout: Layout, count: int) -> tuple[str, ...]:
     notes = list(layout.clock.notes)
     if layout.commas == "thousands":
         notes.append("commas in numbers are read as separators between thousands.")
-    if layout.demo is not None and layout.names[layout.demo].lower() != "demo":
+    if layout.demo is not None and count > 1 and layout.names[layout.demo].lower() != "demo":
         notes.append(f"the column '{printable(layout.names[layout.demo])}' tells demonstrations apart.")
     return tuple(notes)

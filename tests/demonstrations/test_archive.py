@@ -72,7 +72,7 @@ def test_columns_choose_among_the_default_names(save_npz, curve) -> None:
         ({"positions": np.zeros((5, 2)), "times": np.arange(4.0)}, "form no demonstrations"),
         ({"positions": np.zeros((5, 2)), "velocities": np.zeros((4, 2))}, "form no demonstrations"),
         ({"demo_0": np.ones((5, 2)), "demo_0_times": np.arange(4.0)}, "form no demonstrations"),
-        ({"pos": np.ones((5, 2)), "vel": np.ones((5, 2))}, "form no demonstrations"),
+        ({"left": np.ones((5, 2)), "right": np.ones((5, 2))}, "form no demonstrations"),
         ({"labels": np.arange(3)}, "form no demonstrations"),
         ({"positions": np.ones((5, 2)), "dt": -1.0}, "dt must be one positive number"),
         ({"positions": np.ones((5, 2)), "dt": np.ones(2)}, "dt must be one positive number"),
@@ -194,3 +194,27 @@ def test_columns_of_arrays_are_renamed(save_npy, curve) -> None:
     result = read_demonstrations([save_npy(curve(40, 3))], dt=0.1, columns=["x=z", "y"])
     assert result.demonstrations.space.names == ("x", "y")
     assert (result.demonstrations.demonstrations[0].positions == curve(40, 3)[:, [2, 1]]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "per_second", "since"), [("t", 1, 0), ("time_ms", 1e3, 0), ("stamps", 1e9, 1_700_000_000)]
+)
+def test_an_array_with_the_name_of_a_time_is_one(save_npz, curve, name, per_second, since) -> None:
+    times = 0.1 * np.arange(20)
+    arrays = {
+        "pos": curve(),
+        "vel": 2 * curve(),
+        "gripper": np.ones((20, 1)),
+        name: (since + times) * per_second,
+    }
+    result = read_demonstrations([save_npz(**arrays)])
+    (demonstration,) = result.demonstrations
+    assert (demonstration.positions == curve()).all()
+    assert np.abs(demonstration.times - times).max() < 3e-7  # as doubles of seconds since 1970 are rounded
+    assert result.notes == ("left aside: vel, gripper; use --columns to choose others.",)
+
+
+def test_one_of_several_arrays_that_may_be_times_is_that_of_the_right_size(save_npz, curve) -> None:
+    path = save_npz(xyz=curve(), time_of_start=np.arange(3.0), stamps=np.arange(20.0))
+    (demonstration,) = read_demonstrations([path]).demonstrations
+    assert demonstration.times.tolist() == list(range(20))

@@ -82,6 +82,11 @@ TABLES: dict[str, tuple[str, dict[str, object]]] = {
     ),
     "PlotJuggler": (table("__time,/ee/position/x,/ee/position/y,/ee/position/z", T, X, Y, Z), {}),
     "pandas": (table(",elapsed_time,eef_x,eef_y,eef_z,gripper_width", FRAMES, T, X, Y, Z, ONE), {}),
+    "pandas with times as its index": (table(",x,y,z", T, X, Y, Z), {}),
+    "pandas with dates as its index": (
+        table(",x,y,z", [f"2024-03-05 14:02:07.{round(1e6 * t):06}" for t in TIMES], X, Y, Z),
+        {},
+    ),
     "R": (table('"t" "x" "y" "z"', [f'"{i + 1}"' for i in range(SAMPLES)], T, X, Y, Z, sep=" "), {}),
     "Unity": (table("Time,PosX,PosY,PosZ,RotX,RotY,RotZ,RotW", T, X, Y, Z, *QUATERNION), {}),
     "Universal Robots": (
@@ -108,6 +113,7 @@ TABLES: dict[str, tuple[str, dict[str, object]]] = {
     "Qualisys": (
         table("MARKER_NAMES\thand\telbow", *MM, *MM, sep="\t", above=QUALISYS), {**HAND, "units": "mm"}
     ),
+    "a unit in a comment": (table("t,x,y,z", T, *MM, above="# units: mm\n"), {}),
     "a rate in a comment": (table("frame,x,y,z", FRAMES, X, Y, Z, above="# lab\n# rate: 50 Hz\n"), {}),
     "Excel": (table("t;x;y;z", *comma([T, X, Y, Z]), sep=";", above="\ufeffsep=;\n"), {}),
     "separators at the end": (table("t;x;y;z", *comma([T, X, Y, Z]), [""] * SAMPLES, sep=";"), {}),
@@ -175,9 +181,17 @@ def test_joint_angles_are_known_by_their_names(read_text, header: str, taken: st
     assert result.notes[1] == "joint angles are taken as radians; degrees need --units deg."
 
 
+HEADERS_IN_DEGREES: list[tuple[str, dict[str, object]]] = [
+    ("t,j1 (deg)", {}),
+    ("t,j1_deg", {}),
+    ("# unit=deg\nt,j1", {}),
+    ("t,j1", {"units": "deg"}),
+]
+
+
 def test_degrees_become_radians(read_text) -> None:
     degrees = [f"{180 * value:.6f}" for value in MOTION[:, 0]]
-    for header, options in (("t,j1 (deg)", {}), ("t,j1_deg", {}), ("t,j1", {"units": "deg"})):
+    for header, options in HEADERS_IN_DEGREES:
         (demonstration,) = read_text(table(header, T, degrees), **options).demonstrations
         assert np.abs(demonstration.positions[:, 0] - np.pi * MOTION[:, 0]).max() <= ROUNDING
     with pytest.raises(InputDataError, match=r"joint angles up to 99; are they degrees\?"):
