@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -182,7 +182,7 @@ def _fitted(
         "from_store": task.from_store,
         CANDIDATES: candidates_digest(found.digests),
     }
-    reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
+    reading = {key: value for key, value in task.reading.recorded().items() if value is not None}
     operation = Operation(command="merge", options={**reading, **chosen})
 
     def build() -> tuple[Artifact, Certificate, _Details]:
