@@ -122,6 +122,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         "part": lambda leaf: leaf.part,
         "leaf": lambda leaf: leaf.leaf,
         "components": lambda leaf: leaf.n_components,
+        "shears": lambda leaf: leaf.shears or words.NONE,
         "attractor": lambda leaf: words.point(leaf.attractor.tolist(), unit),
         "speed": lambda leaf: f"{leaf.speed:g}",
         "demonstrations": lambda leaf: leaf.demonstrations,
