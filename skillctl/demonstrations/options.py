@@ -11,6 +11,7 @@ from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
 
 if TYPE_CHECKING:
+    from skillctl.demonstrations.arm import RecordedArm
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
@@ -29,10 +30,14 @@ class Reading:
         read=read_words,
         metavar="X,Y,Z|NEW=OLD,…",
         group=READING,
-        help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
-        "of a robomimic dataset; x=hand_x renames one, t=clock says which is the time. Default: x, y, z of "
-        "the one thing that moves, else joint angles, else columns of other names; of robomimic, "
-        "robot0_eef_pos.",
+        help="Columns that hold the position, a joint of a skeleton such as HandRight, or vectors and "
+        "numbers of a dataset, as in ee_pos or 'left_*'; x=hand_x renames one, t=clock says which is the "
+        "time. Default: x, y, z of the one thing that moves, else joint angles, else columns of other names.",
+    )
+    topic: str | None = option(
+        metavar="TOPIC",
+        group=READING,
+        help="Topic of a bag; of transforms with the frame that moves: /tf:tool0. Default: the only one.",
     )
     dt: float | None = option(
         metavar="S", group=READING, help="Seconds between samples, if the file has no time."
@@ -66,16 +71,16 @@ class Reading:
     def recorded(self) -> dict[str, Any]:
         """Return the choices that decide what is read, by their names.
 
-        A bound only refuses; and skills made before there were axes to choose stay up to date without them.
+        A bound only refuses; and skills made before there were axes and topics to choose stay up to date
+        without them.
         """
-        chosen = {**vars(self)}
+        later = ("axes", "topic")
+        chosen = {name: value for name, value in vars(self).items() if value is not None or name not in later}
         del chosen["max_dimension"]
-        if self.axes is None:
-            del chosen["axes"]
         return chosen
 
-    def read(self, paths: Sequence[Path]) -> ReadResult:
-        """Return the demonstrations in the files."""
+    def read(self, paths: Sequence[Path], *, arm: RecordedArm | None = None) -> ReadResult:
+        """Return the demonstrations in the files, of the hand if they are joints of an arm."""
         from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
 
-        return read_demonstrations(paths, **vars(self))
+        return read_demonstrations(paths, arm=arm, **vars(self))

@@ -10,18 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
+from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.checks import Findings, prepare, set_notes
-from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
-from skillctl.demonstrations.formats import format_of, named
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
+from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
-from skillctl.errors import InputDataError, UsageError
+from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
+from skillctl.workers.limits import Limits
 
 DAY = 86400.0  # [s]
 TURN = 6.6  # [rad]; angles of joints are smaller than a turn, unless they are degrees
+
+BYTES_PER_SECOND = 10**8  # that a parser reads at least: a disk may be slow, and a bag compressed
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,8 @@ def read_demonstrations(
     axes: Sequence[str] | None = None,
     max_dimension: int = 7,
     frame: str = "base",
+    topic: str | None = None,
+    arm: RecordedArm | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
 
@@ -79,9 +85,11 @@ def read_demonstrations(
         axes: What the axes of arrays are: demo, time and dim, in their order.
         max_dimension: Motions of more dimensions are refused.
         frame: Frame in which the positions are given; it is only recorded.
+        topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
+        arm: The arm whose joints the files hold; the demonstrations are those of its hand.
 
     Raises:
-        NotFoundError: There is no such file.
+        NotFoundError: There is no such file, or the package that reads it is not installed.
         InputDataError: A file is unusable; the message gives file and place.
         UsageError: Options are out of range, or select a demonstration that does not exist.
     """
@@ -90,13 +98,18 @@ def read_demonstrations(
     recordings: list[Recording] = []
     sources = []
     old, renamed = _renamed(columns)
-    with Child(LIMITS, NO_PLUGINS) as child:
+    most = max_dimension if arm is None else max(max_dimension, len(arm.joints))
+    with Child(_limits(paths), NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), old, child, renamed, axes, max_dimension)
-            form = format_of(file) if forced is None else forced
+            file = File(path, read_bytes(path), old, child, renamed, axes, most, topic)
+            form, sha256 = format_of(file, forced), _sha256(file)
             recordings += [_as_asked(recording, file, units) for recording in form.read(file)]
-            sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
+            sources.append(InputFile(path, sha256, form.name))
+    if topic is not None and all(source.importer != "bag" for source in sources):
+        raise UsageError("topic: none of the files is a bag, and only bags have topics.")
     selection = _selected(recordings, demos)
+    if arm is not None:
+        selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     _require_short([found for _, found in prepared])
@@ -104,6 +117,19 @@ def read_demonstrations(
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
+
+
+def _limits(paths: Sequence[Path]) -> Limits:
+    """Return the limits for parsing any of the files: a large one takes longer."""
+    largest = max((size_of(Path(path)) for path in paths), default=0)
+    return replace(LIMITS, seconds=LIMITS.seconds + largest // BYTES_PER_SECOND)
+
+
+def _sha256(file: File) -> str:
+    """Return the SHA-256 of a file, before a parser opens it: what changes later is seen to have changed."""
+    if file.path.is_dir() or file.content.startswith(OPENED):
+        return digest_of(file.path)
+    return hashlib.sha256(file.content).hexdigest()
 
 
 def _require_short(findings: Sequence[Findings]) -> None:
@@ -190,7 +216,7 @@ def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
-        InputDataError: Dimensions, names or kinds of units differ between files, or there are too many.
+        InputDataError: Dimensions, names, frames or kinds of units differ, or there are too many.
     """
     named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
     if named is None:
@@ -208,6 +234,12 @@ def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
             raise InputDataError(
                 f"{recording.label}: in {recording.unit}, but {named.label} is in {named.unit}.",
                 hint="Positions and joint angles make no skill together; choose files or --units.",
+            )
+        if recording.frame != named.frame and recording.frame and named.frame:
+            raise InputDataError(
+                f"{recording.label}: in the frame {printable(recording.frame)}, but {named.label} is in "
+                f"{printable(named.frame)}.",
+                hint="Learn them apart, or record them in one frame.",
             )
         if width != dimension or recording.names not in (None, names):
             what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"

@@ -35,6 +35,7 @@ class Recording:
         unit_said: Whether the file says the unit.
         taken: Columns of the file that are the positions, if they have names.
         unused: Columns of the file that are not used, although the user did not choose columns.
+        frame: In which the positions are, if the file says it.
         notes: Sentences for the user on how the file was read.
     """
 
@@ -49,6 +50,7 @@ class Recording:
     unit_said: bool = False
     taken: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
+    frame: str = ""
     notes: tuple[str, ...] = ()
 
     @property

@@ -33,6 +33,15 @@ def read_target(text: str) -> tuple[float, ...] | str:
     return text if text == "cup" else read_point(text)
 
 
+def read_held(text: str) -> tuple[str, float]:
+    """Read ``JOINT=Q``, or raise ValueError."""
+    joint, sign, place = text.rpartition("=")
+    if not (sign and joint):
+        raise ValueError(f"{text!r} is not JOINT=Q, as in torso_lift_joint=0.2.")
+    (number,) = _numbers(place, 1)
+    return joint.strip(), number
+
+
 def read_cup(text: str) -> dict[str, Any]:
     """Read ``0.62,0.1``, or ``0.62,0.1,bottom``; or raise ValueError."""
     place, comma, last = text.rpartition(",")
@@ -81,13 +90,21 @@ class ScenarioOptions:
     tip: str | None = option(
         metavar="LINK",
         group=PLACING,
-        help="Hand of an arm by file: one of its links. Default: the last before it branches.",
+        help="Hand of an arm by file: one of its links. Default: chosen by structure and names, and printed.",
     )
     home: tuple[float, ...] | None = option(
         read=read_numbers,
         metavar="Q1,Q2,…",
         group=PLACING,
         help="Ready posture of an arm by file, rad. Default: the middle of each joint's range.",
+    )
+    hold: tuple[tuple[str, float], ...] = option(
+        (),
+        read=read_held,
+        repeated=True,
+        metavar="JOINT=Q",
+        group=PLACING,
+        help="Hold a joint of an arm by file at Q, rad or m, such as a slow torso. May be repeated.",
     )
     start: tuple[float, ...] | str | None = option(
         read=read_start,
@@ -183,4 +200,6 @@ class ScenarioOptions:
         disturbances = [values.pop(name, ()) for name in ("push", "move_target", "displace")]
         if values.get("start") == HOME:
             values["start"] = None
+        if "hold" in values:
+            values["hold"] = dict(values["hold"])
         return {**values, "disturbances": sum(disturbances, ())}

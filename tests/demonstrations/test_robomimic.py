@@ -38,7 +38,7 @@ def test_the_first_hands_positions_are_read_in_the_order_of_the_numbers(save_rob
     ]
     assert result.sources[0].importer == "robomimic"
     assert result.demonstrations.space.names == ("x", "y", "z")
-    assert result.notes[0] == "left aside: robot0_eef_quat; use --columns to choose others."
+    assert "left aside: robot0_eef_quat; use --columns to choose others." in result.notes[0]
 
 
 def test_single_precision_compressed_chunks_and_old_files_are_read(save_robomimic, motions) -> None:
@@ -243,7 +243,7 @@ def odd_name(file: h5py.File) -> None:
         (huge, "obs/robot0_eef_pos (274877906944, 3): too large; at most 256 MiB of numbers"),
         (many_just_small_enough, "obs/robot0_eef_pos (8388608, 3): too large; at most 256 MiB of"),
         (countless, "/data: more than 10000 members."),
-        (cycle, "its demonstrations hold no observations."),
+        (cycle, "there is no observation 'robot0_eef_pos'."),
         (odd_name, r"of unknown layout (found \x1b[2J, mask)."),
     ],
 )  # fmt: skip
@@ -264,7 +264,7 @@ def test_links_that_nobody_asked_for_are_left_alone(save_robomimic, motions) -> 
         file["data/elsewhere"] = h5py.SoftLink("/nowhere")
 
     result = read_demonstrations([save_robomimic(motions[:1], edit=edit)])
-    assert result.notes[0] == "left aside: robot0_eef_quat; use --columns to choose others."
+    assert "left aside: robot0_eef_quat; use --columns to choose others." in result.notes[0]
 
 
 def test_no_other_file_is_opened(save_robomimic, motions, tmp_path) -> None:
