@@ -68,7 +68,7 @@ class Layout:
         unit: Of them.
         said: Whether the table says that unit.
         unused: Names of columns that are not used, although the user did not choose columns.
-        commas: What a comma in a number is, see ``meaning_of_commas``; or ``points``: these separate thousands.
+        commas: What a comma in a number is, see ``meaning_of_commas``, or ``points`` if these do.
     """
 
     path: Path
