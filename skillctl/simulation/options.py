@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
-from skillctl.options import MOTION, changed, option, read_numbers
+from skillctl.options import MOTION, changed, option, read_numbers, read_point
 from skillctl.simulation.arms import ARMS
 
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
@@ -25,12 +25,12 @@ HOME = "home"
 
 def read_start(text: str) -> tuple[float, ...] | str:
     """Read ``home``, or coordinates; or raise ValueError."""
-    return text if text == HOME else read_numbers(text)
+    return text if text == HOME else read_point(text)
 
 
 def read_target(text: str) -> tuple[float, ...] | str:
     """Read ``cup``, or coordinates; or raise ValueError."""
-    return text if text == "cup" else read_numbers(text)
+    return text if text == "cup" else read_point(text)
 
 
 def read_held(text: str) -> tuple[str, float]:
@@ -138,7 +138,7 @@ class ScenarioOptions:
         help="Workspace metres per metre of the skill. Default: 1, or a scale with which a 2-D skill fits.",
     )
     origin: tuple[float, ...] | None = option(
-        read=read_numbers,
+        read=read_point,
         metavar="X,Y,Z",
         group=PLACING,
         help="Workspace position of the skill's zero. Default: the arm's base; a 2-D skill is centred "

@@ -42,7 +42,7 @@ def model_arrays(skill: Skill) -> dict[str, FloatArray]:
 
 
 def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
-    """Return the shears of all leaves, stacked; nothing if there are none. Fewer bumps get empty ones more."""
+    """Return the shears of all leaves, stacked, with empty bumps added to those of fewer; {} without any."""
     chains = [leaf.coordinates.links for leaf in leaves]
     if not any(chains):
         return {}
@@ -206,7 +206,7 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) 
     try:
         density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
         return SedsSkill(
-            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},  # type: ignore[arg-type]
+            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
             attractor=arrays["model/attractors"][node.leaf],
             lyapunov=arrays["model/lyapunov"][node.leaf],
             density=density,
