@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
+Fault: TypeAlias = Literal["dropouts", "jumps", "clock", "directions", "ends", "crossings"]
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,28 @@ class Reading:
         group=READING,
         help="Use these demonstrations only, counted from 0 over all files.",
     )
+    accept: tuple[Fault, ...] | None = option(
+        read=lambda text: read_words(text, get_args(Fault)),
+        metavar="KIND,…",
+        group=READING,
+        help=f"Learn from recordings with large faults of these kinds, too: {', '.join(get_args(Fault))}. "
+        "Small ones are warnings.",
+    )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
 
     def read(self, paths: Sequence[Path]) -> ReadResult:
-        """Return the demonstrations in the files."""
-        from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
+        """Return the demonstrations in the files.
 
-        return read_demonstrations(paths, **vars(self))
+        Raises:
+            InputDataError: Large faults that are not accepted; and what ``read_demonstrations`` raises.
+        """
+        from skillctl.demonstrations.faults import require_accepted  # late: both import NumPy
+        from skillctl.demonstrations.reader import read_demonstrations
+
+        choices = dict(vars(self))
+        accepted = choices.pop("accept")
+        result = read_demonstrations(paths, **choices)
+        require_accepted(result.faults, accepted or (), result.chosen)
+        return result

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skillctl.demonstrations.checks import prepare, set_notes
+from skillctl.demonstrations.checks import judge, prepare, set_notes
+from skillctl.demonstrations.faults import Fault
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
 from skillctl.demonstrations.formats import format_of, named
 from skillctl.demonstrations.recording import Recording, Unit, column_indices, listed
@@ -35,11 +36,21 @@ class InputFile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReadResult:
-    """Demonstrations, the files they come from, and notes for the user."""
+    """Demonstrations, the files they come from, and what was noticed.
+
+    Attributes:
+        demonstrations: Without the samples that were lost.
+        sources: The files.
+        notes: Sentences for the user.
+        faults: Of the recordings, small ones and such as commands refuse.
+        chosen: Which demonstrations these are, counted from 0 over all files.
+    """
 
     demonstrations: DemonstrationSet
     sources: tuple[InputFile, ...]
     notes: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
+    chosen: tuple[int, ...] = ()
 
 
 def read_demonstrations(
@@ -84,13 +95,18 @@ def read_demonstrations(
             form = format_of(file) if forced is None else forced
             recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
             sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
-    selection = _selected(recordings, demos)
+    chosen = _chosen(len(recordings), demos)
+    selection = [recordings[index] for index in chosen]
     names = _names(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
-    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
-    return ReadResult(demonstrations, tuple(sources), tuple(notes))
+    findings = [found for _, found in prepared]
+    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, findings)
+    faults = tuple(
+        fault if fault.demo is None else replace(fault, demo=chosen[fault.demo]) for fault in judge(findings)
+    )
+    return ReadResult(demonstrations, tuple(sources), tuple(notes), faults, chosen)
 
 
 def _require_positive(**numbers: float | None) -> None:
@@ -115,16 +131,15 @@ def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit |
     )
 
 
-def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[Recording]:
-    if demos is None:
-        return recordings
-    for index in demos:
-        if not 0 <= index < len(recordings):
+def _chosen(count: int, demos: Sequence[int] | None) -> tuple[int, ...]:
+    """Return which of ``count`` demonstrations are to be read."""
+    for index in demos or ():
+        if not 0 <= index < count:
             raise UsageError(
-                f"demonstration {index} does not exist; there are {len(recordings)}, counted from 0.",
+                f"demonstration {index} does not exist; there are {count}, counted from 0.",
                 hint="Choose others with --demos.",
             )
-    return [recordings[index] for index in dict.fromkeys(demos)]
+    return tuple(range(count) if demos is None else dict.fromkeys(demos))
 
 
 def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
