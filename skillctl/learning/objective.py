@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +58,8 @@ class Matching:
         predicted: Heun's predicted states, likewise.
         rows: The two table rows a residual interpolates between, shape (2, M).
         shares: The share of the second row, shape (M,).
-        errors: Position differences, shape (M, d).
+        errors: Position differences, each times its W, shape (M, d).
+        factors: W of each residual, shape (M, d, d), or None for the identity.
         scales: Square root of the weight of each difference, shape (M,).
         cost: ½ Σ ρ(‖error‖) with the pseudo-Huber ρ.
     """
@@ -67,6 +69,7 @@ class Matching:
     rows: IntArray
     shares: FloatArray
     errors: FloatArray
+    factors: FloatArray | None
     scales: FloatArray
     cost: float
 
@@ -112,9 +115,14 @@ class LearningObjective:
         )
         self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
         self.root = spread_root(data.points[0])
-        near, distant = data.points, distant_samples(data, weights.distances if rollouts else ())
+        near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
         self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
         counts = len(near[0]), len(distant[0])
+        self.factors = self.path_factors = None
+        if data.weights is not None:
+            factors = data.weights.reshape(-1, *data.weights.shape[2:])
+            self.factors = np.concatenate([factors, factors[sources]])
+            self.path_factors = np.tile(data.weights, (len(self.paths) // len(data.weights), 1, 1, 1))
         shares = 1 / counts[0], weights.distant_weight / max(counts[1], 1)
         self.velocity_weights = np.sqrt(np.repeat(shares, counts))
         self.ridge = weights.ridge if rollouts else 0.0
@@ -127,7 +135,8 @@ class LearningObjective:
 
     def evaluate(self, field: Field) -> Evaluation:
         """Return the residuals at ``field``."""
-        velocity = (self.velocity_weights * (field.velocities(self.positions) - self.targets)).T.ravel()
+        velocity = (self.velocity_weights * (field.velocities(self.positions) - self.targets)).T
+        velocity = _times(self.factors, velocity).ravel()
         cost = 0.5 * (float(velocity @ velocity) + self.ridge * float((field.matrices**2).sum()))
         if not self.rollouts:
             return Evaluation(field, cost, velocity, None)
@@ -140,6 +149,8 @@ class LearningObjective:
         field, matching = evaluation.field, evaluation.matching
         p = field.n_parameters
         velocity = self.velocity_weights[:, None, None] * field.linearised(self.positions)[2]
+        if self.factors is not None:
+            velocity = self.factors @ velocity
         velocity = velocity.reshape(-1, p)
         normal = velocity.T @ velocity
         slope = velocity.T @ evaluation.residuals[: len(velocity)]
@@ -172,6 +183,11 @@ class LearningObjective:
         rows = np.stack([np.hstack([first, own]), np.hstack([first + trajectories, own])])
         shares = np.hstack([share, np.zeros(own.shape)]).ravel()
         errors = np.concatenate([to_rollout, to_demo], axis=1).reshape(-1, d)
+        factors = None
+        if self.path_factors is not None:
+            compared = self.path_factors[column, np.rint(demo_index + fraction).astype(np.int64)]
+            factors = np.concatenate([self.path_factors, compared], axis=1).reshape(-1, d, d)
+        errors = _times(factors, errors)
         shares_of_points = np.repeat([1 / samples, 1 / length], [samples, length])
         weights = 0.5 * self.weights.rollout * np.outer(self.path_weights, shares_of_points).ravel()
         # Pseudo-Huber: ρ(r) = 2 δ² (√(1 + r²/δ²) − 1), quadratic below δ and linear above. Iteratively
@@ -179,30 +195,48 @@ class LearningObjective:
         root = np.sqrt(1.0 + (errors**2).sum(axis=1) / self.weights.robust**2)
         cost = float(weights @ (root - 1.0)) * self.weights.robust**2
         scales = np.sqrt(weights / root)
-        return Matching(states, predicted, rows.reshape(2, -1), shares, errors, scales, cost)
+        return Matching(states, predicted, rows.reshape(2, -1), shares, errors, factors, scales, cost)
 
 
 def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return M S and the residuals summed per row of the table S of sensitivities.
 
-    A residual that depends on rows a and b with shares 1 − t and t adds its weight times (1 − t)², t² and
-    t(1 − t) to M. So JᵀJ = Sᵀ M S without ever writing out J, which has twice the rows.
+    A residual that depends on rows a and b with shares 1 − t and t adds its weight, times WᵀW if it has a W,
+    times (1 − t)², t² and t(1 − t) to M. So JᵀJ = Sᵀ M S without ever writing out J, which has twice the
+    rows.
     """
     # A residual with one row (first = second, t = 0) adds nothing off the diagonal.
     first, second = matching.rows
     count, share, weight = len(table), matching.shares, matching.scales**2
-    own = np.bincount(first, weight * (1 - share) ** 2, count) + np.bincount(second, weight * share**2, count)
+    metric, pulls = np.ones((len(weight), 1, 1)), matching.errors
+    product: Callable[[FloatArray, FloatArray], FloatArray] = np.multiply
+    if matching.factors is not None:
+        transposed = matching.factors.swapaxes(1, 2)
+        metric, pulls = transposed @ matching.factors, _times(transposed, pulls)
+        product = np.matmul
+    metric = weight[:, None, None] * metric
+
+    def summed(index: IntArray, values: FloatArray) -> FloatArray:
+        columns = [np.bincount(index, column, count) for column in values.reshape(len(values), -1).T]
+        return np.asarray(np.stack(columns, axis=1), dtype=np.float64).reshape(count, *values.shape[1:])
+
+    def at(shares: FloatArray) -> FloatArray:
+        return shares[:, None, None] * metric
+
+    own = summed(first, at((1 - share) ** 2)) + summed(second, at(share**2))
     lag = matching.states.shape[2]  # row b follows row a by one step of every trajectory
-    crossed = np.bincount(first, weight * share * (1 - share) * (first != second), count)[:-lag, None, None]
-    weighted = own[:, None, None] * table
-    weighted[:-lag] += crossed * table[lag:]
-    weighted[lag:] += crossed * table[:-lag]
-    pulls = weight[:, None] * matching.errors
-    columns = [
-        np.bincount(first, (1 - share) * column, count) + np.bincount(second, share * column, count)
-        for column in pulls.T
-    ]
-    return weighted, np.stack(columns, axis=1)
+    crossed = summed(first, at(share * (1 - share) * (first != second)))[:-lag]
+    weighted = product(own, table)
+    weighted[:-lag] += product(crossed, table[lag:])
+    weighted[lag:] += product(crossed, table[:-lag])
+    pulls = weight[:, None] * pulls
+    pull = summed(first, (1 - share)[:, None] * pulls) + summed(second, share[:, None] * pulls)
+    return weighted, pull
+
+
+def _times(factors: FloatArray | None, errors: FloatArray) -> FloatArray:
+    """Return W e for errors (n, d) and factors W (n, d, d), or None for the identity."""
+    return errors if factors is None else np.asarray((factors @ errors[..., None])[..., 0])
 
 
 def _at(paths: FloatArray, index: IntArray, share: FloatArray) -> FloatArray:

@@ -27,6 +27,8 @@ class TrainingData:
         length_scale: One unit of position, in the unit of the space.
         speed_scale: One unit of velocity, per second.
         attractor: Median of the end points, shape (d,), in the unit of the space.
+        weights: W of each sample, shape (D, T, d, d), or None for the identity: of an error e there, in
+            position or in velocity, the length of W e counts.
     """
 
     positions: FloatArray
@@ -35,6 +37,7 @@ class TrainingData:
     length_scale: float
     speed_scale: float
     attractor: FloatArray
+    weights: FloatArray | None = None
 
     @property
     def dimension(self) -> int:

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from skillctl.learning.augmentation import distant_samples
 from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
@@ -29,6 +31,17 @@ def data(curved: Curved) -> TrainingData:
 def initial(data: TrainingData) -> Field:
     labels = partitions(data, 3, 1, seed=0)[0]
     return field_of(constrained_em(labels, *data.points, BARRIER, iterations=5)[0])
+
+
+@pytest.fixture(params=["plain", "weighted"])
+def either(data: TrainingData, request: pytest.FixtureRequest) -> TrainingData:
+    """The data as they are, and with a random W for every sample."""
+    random = np.random.default_rng(3).standard_normal((*data.positions.shape, 2))
+    return data if request.param == "plain" else replace(data, weights=np.eye(2) + 0.4 * random)
+
+
+def times(factors: np.ndarray | None, errors: np.ndarray) -> np.ndarray:
+    return errors if factors is None else np.einsum("nij,nj->ni", factors, errors)
 
 
 def ridge_of(objective: LearningObjective) -> Callable[[Field], np.ndarray]:
@@ -63,12 +76,42 @@ def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
         assert found[i] == pytest.approx(min(candidates), abs=1e-6)
 
 
-def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matching(
+def test_an_error_counts_in_the_metric_of_the_sample_it_belongs_to(
     data: TrainingData, initial: Field
+) -> None:
+    trajectories, samples, d = data.positions.shape
+    sizes = 1.0 + np.arange(trajectories * samples)  # tell all samples apart
+    swap = np.eye(2)[::-1]
+    weights = (sizes[:, None, None] * swap).reshape(trajectories, samples, d, d)
+    objective = LearningObjective(replace(data, weights=weights))
+    expected, found = LearningObjective(data).evaluate(initial), objective.evaluate(initial)
+
+    count = objective.positions.shape[1]
+    sources = np.append(np.arange(len(sizes)), distant_samples(data, Weights().distances)[2])
+    velocity = sizes[sources, None] * expected.residuals[: d * count].reshape(-1, d)[:, ::-1]
+    np.testing.assert_allclose(found.residuals[: d * count].reshape(-1, d), velocity, rtol=1e-12)
+
+    assert expected.matching is not None
+    assert found.matching is not None
+    errors = [each.matching.errors.reshape(3 * trajectories, -1, d) for each in (expected, found)]
+    ratio = errors[1] / np.where(errors[0] == 0, np.nan, errors[0])[..., ::-1]
+    own = np.tile(sizes.reshape(trajectories, samples), (3, 1))
+    points = ~np.isnan(ratio[:, :samples, 0])  # a rollout starts where its demonstration does
+    np.testing.assert_allclose(ratio[:, :samples, 0][points], own[points], rtol=1e-9)
+    # A state of a rollout counts as the nearer end of the segment that it is compared with.
+    paths, states = objective.paths, expected.matching.states.transpose(2, 0, 1)
+    for path, rolled, ratios, scales in zip(paths, states, ratio[:, samples:, 0], own, strict=True):
+        nearest = np.linalg.norm(rolled[:, None] - path, axis=2).argmin(axis=1)
+        known = ~np.isnan(ratios)
+        assert np.abs(ratios - scales[nearest])[known].max() < 1.5  # phase moves it by one sample at most
+
+
+def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matching(
+    either: TrainingData, initial: Field
 ) -> None:
     # A huge phase cost ties the matching to the share of the path, which moves little: then the
     # derivative through the matching is second order and the analytic gradient must be the true one.
-    objective = LearningObjective(data, Weights(robust=0.5, ridge=0.01))
+    objective = LearningObjective(either, Weights(robust=0.5, ridge=0.01))
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
     ridge = ridge_of(objective)
@@ -84,7 +127,7 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
         first, second = matching.rows
         share = matching.shares[:, None]
         shift = (1 - share) * (table[first] - before[first]) + share * (table[second] - before[second])
-        errors = matching.errors + shift
+        errors = matching.errors + times(matching.factors, shift)
         squared = (matching.errors**2).sum(axis=1)
         weights = matching.scales**2 * np.sqrt(1 + squared / 0.25)  # undo ρ'(r)/2r = 1/√(1 + r²/δ²)
         rho = 0.25 * (np.sqrt(1 + (errors**2).sum(axis=1) / 0.25) - 1)
@@ -101,9 +144,9 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
 
 
 def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
-    data: TrainingData, initial: Field
+    either: TrainingData, initial: Field
 ) -> None:
-    objective = LearningObjective(data, Weights(ridge=3.0))  # as large as the other entries
+    objective = LearningObjective(either, Weights(ridge=3.0))  # as large as the other entries
     ridge = ridge_of(objective)
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
@@ -116,7 +159,7 @@ def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
         assert moved.matching is not None
         table = moved.matching.states.transpose(0, 2, 1).reshape(-1, 2)
         share = matching.shares[:, None]
-        places = (1 - share) * table[first] + share * table[second]
+        places = times(matching.factors, (1 - share) * table[first] + share * table[second])
         velocity = moved.residuals[: 2 * objective.positions.shape[1]]
         return np.concatenate([velocity, (matching.scales[:, None] * places).ravel(), ridge(field)])
 
