@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.demonstrations.arm import RecordedArm
-from skillctl.demonstrations.checks import Findings, prepare, set_notes
+from skillctl.demonstrations.checks import Findings, judge, prepare, set_notes
+from skillctl.demonstrations.faults import Fault
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
 from skillctl.demonstrations.recording import Recording, column_indices, listed
@@ -45,11 +46,21 @@ class InputFile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReadResult:
-    """Demonstrations, the files they come from, and notes for the user."""
+    """Demonstrations, the files they come from, and what was noticed.
+
+    Attributes:
+        demonstrations: Without the samples that were lost.
+        sources: The files.
+        notes: Sentences for the user.
+        faults: Of the recordings, small ones and such as commands refuse.
+        chosen: Which demonstrations these are, counted from 0 over all files.
+    """
 
     demonstrations: DemonstrationSet
     sources: tuple[InputFile, ...]
     notes: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
+    chosen: tuple[int, ...] = ()
 
 
 def read_demonstrations(
@@ -107,7 +118,8 @@ def read_demonstrations(
             sources.append(InputFile(path, sha256, form.name))
     if topic is not None and all(source.importer != "bag" for source in sources):
         raise UsageError("topic: none of the files is a bag, and only bags have topics.")
-    selection = _selected(recordings, demos)
+    chosen = _chosen(len(recordings), demos)
+    selection = [recordings[index] for index in chosen]
     if arm is not None:
         selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
@@ -115,8 +127,12 @@ def read_demonstrations(
     _require_short([found for _, found in prepared])
     space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
-    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
-    return ReadResult(demonstrations, tuple(sources), tuple(notes))
+    findings = [found for _, found in prepared]
+    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, findings)
+    faults = tuple(
+        fault if fault.demo is None else replace(fault, demo=chosen[fault.demo]) for fault in judge(findings)
+    )
+    return ReadResult(demonstrations, tuple(sources), tuple(notes), faults, chosen)
 
 
 def _limits(paths: Sequence[Path]) -> Limits:
@@ -200,16 +216,15 @@ def _as_asked(recording: Recording, file: File, units: str | None) -> Recording:
     )
 
 
-def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[Recording]:
-    if demos is None:
-        return recordings
-    for index in demos:
-        if not 0 <= index < len(recordings):
+def _chosen(count: int, demos: Sequence[int] | None) -> tuple[int, ...]:
+    """Return which of ``count`` demonstrations are to be read."""
+    for index in demos or ():
+        if not 0 <= index < count:
             raise UsageError(
-                f"demonstration {index} does not exist; there are {len(recordings)}, counted from 0.",
+                f"demonstration {index} does not exist; there are {count}, counted from 0.",
                 hint="Choose others with --demos.",
             )
-    return [recordings[index] for index in dict.fromkeys(demos)]
+    return tuple(range(count) if demos is None else dict.fromkeys(demos))
 
 
 def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:

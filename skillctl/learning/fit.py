@@ -72,7 +72,7 @@ def fit(
     The same demonstrations and options give the same numbers, whatever the number of BLAS threads.
 
     Args:
-        demonstrations: At least one; each is translated to the mean end point, which becomes ξ*.
+        demonstrations: At least one; each is translated to the median of the ends, which becomes ξ*.
         options: See ``LearnOptions``.
         lyapunov: Use this P (d, d) instead of what ``options.metric`` says.
         progress: Called with (stage, done, total) as learning proceeds.

@@ -226,6 +226,13 @@ def test_notes_are_for_people_who_did_not_ask_for_quiet_or_json(capsys):
     assert capsys.readouterr().err == "hello\nasked for\n"
 
 
+def test_warnings_are_for_everyone_but_readers_of_json_who_find_them_in_the_document(capsys):
+    Output(as_json=True).warning("hello")
+    assert capsys.readouterr().err == ""
+    Output(quiet=True).warning("hello")
+    assert capsys.readouterr().err == "warning: hello\n"
+
+
 @pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"CI": "true", "TERM": "xterm"}])
 def test_dumb_terminals_and_ci_get_plain_lines(shell, environment):
     assert "\x1b" not in _on_a_terminal(shell, environment)
