@@ -89,6 +89,8 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
 
 def _hands(report: SimulateManyReport) -> str | None:
     """Return the orientations of the hand; with their numbers of episodes if there are several."""
+    if report.unit == "rad":
+        return None
     if len(report.hands) < 2:
         return next(iter(report.hands), None)
     return " and ".join(f"{hand} ({count})" for hand, count in report.hands.items())

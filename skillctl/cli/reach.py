@@ -16,7 +16,7 @@ def blocks(report: CheckReachReport) -> list[render.Block]:
     facts = [("skill", report.skill), ("reachable", words.yes_no(found.reachable))]
     if found.reason:
         facts.append(("reason", found.reason))
-    facts += words.arm(found.arm, found.hand, found.tip, found.held)
+    facts += words.arm(found.arm, found.hand if found.unit == "m" else None, found.tip, found.held)
     for name, point, residual in (
         ("start", found.start, found.start_residual),
         ("target", found.target, found.target_residual),

@@ -214,7 +214,7 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     facts = [
         ("skill", report.skill),
         ("outcome", outcome),
-        *words.arm(report.arm, report.hand, report.tip, report.held),
+        *words.arm(report.arm, report.hand if report.unit == "m" else None, report.tip, report.held),
         *([("placed", placed)] if report.unit == "m" else []),
         ("target", words.point(report.target, report.unit)),
         ("final error", _length(figures.final_error, report.unit)),

@@ -34,6 +34,7 @@ class ArmModel:
         reach_centre: Middle of the comfortable workspace in front of the arm, [m].
         yaw_share: How far the hand turns towards the azimuth of its position: 0 ahead, 1 radially.
         tip_link: Name of that link.
+        joints: Names of the arm's joints.
         text: Description for Bullet of an arm by file (see ``for_bullet``); empty for the others.
         held: Joints of an arm by file that are not the arm's, and where they are fixed.
         notes: What was not taken from the file, in sentences.
@@ -55,6 +56,7 @@ class ArmModel:
     reach_centre: tuple[float, float, float]
     yaw_share: float
     tip_link: str
+    joints: tuple[str, ...]
     text: str = ""
     held: tuple[tuple[str, float], ...] = ()
     notes: tuple[str, ...] = ()
@@ -107,6 +109,7 @@ PANDA = ArmModel(
     fingers=((9, 0.04), (10, 0.04)),
     reach_centre=(0.50, 0.0, 0.60),
     tip_link="panda_grasptarget",
+    joints=tuple(f"panda_joint{i}" for i in range(1, 8)),
     yaw_share=0.5,  # at a shelf, 0 brings the elbow near the boards or a wall, 1 the forearm
 )
 # The model in pybullet_data has the link lengths of the LBR iiwa 14 R820 (0.36, 0.42, 0.40 m).
@@ -126,6 +129,7 @@ IIWA = ArmModel(
     fingers=(),
     reach_centre=(0.60, 0.0, 0.60),
     tip_link="lbr_iiwa_link_7",
+    joints=tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8)),
     yaw_share=0.5,
 )
 XARM6 = ArmModel(
@@ -144,6 +148,7 @@ XARM6 = ArmModel(
     fingers=(),
     reach_centre=(0.45, 0.0, 0.45),
     tip_link="link6",
+    joints=tuple(f"joint{i}" for i in range(1, 7)),
     yaw_share=1.0,  # with six joints, less than 1 takes the wrist through its singularity
 )
 ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}  # the first is the default

@@ -21,6 +21,7 @@ HANDS = [  # names of the hand's frame, the best first; of several with equal na
         r"grasp|grip(per)?_?(frame|tip|center|centre|point)|pinch",
         r"end_?eff|(^|_)eef?(_|$)|tool",
         r"flange",
+        r"(hand|palm|gripper)(_link|_frame)?$",
         r"hand|palm|gripper",
     )
 ]
@@ -105,7 +106,6 @@ def _before_jaw(robot: Robot, end: str, places: Container[str]) -> str:
 def _is_jaw(robot: Robot, joint: Joint, before: int, places: Container[str]) -> bool:
     if WRIST.search(joint.name):
         return False
-    named = JAW.search(joint.name) or (JAW_LINK.search(joint.child) and not STILL.search(joint.child))
     followed = any(
         other.mimic is not None and other.mimic.joint == joint.name and joint not in robot.chain(other.child)
         for other in robot.joints.values()
@@ -115,7 +115,14 @@ def _is_jaw(robot: Robot, joint: Joint, before: int, places: Container[str]) -> 
     slides = (
         before >= ARM_BEFORE_FINGER and joint.kind == "prismatic" and joint.upper - joint.lower <= JAW_STROKE
     )
-    return bool(named or slides or ((followed or beside) and not carried))
+    return bool(_named_jaw(joint) or slides or ((followed or beside) and not carried))
+
+
+def _named_jaw(joint: Joint) -> bool:
+    if WRIST.search(joint.name):
+        return False
+    named = JAW.search(joint.name) or (JAW_LINK.search(joint.child) and not STILL.search(joint.child))
+    return named is not None
 
 
 def _is_hand(frame: str) -> bool:
@@ -123,9 +130,9 @@ def _is_hand(frame: str) -> bool:
 
 
 def _fixed_to(robot: Robot, link: str, places: Container[str]) -> list[str]:
-    """Return the links that cannot move against a link, from it outwards."""
+    """Return the links that cannot move against a link, from it outwards, but for jaws that are held."""
     found = []
     for joint in robot.below(link):
-        if not joint.moves or joint.name in places:
+        if not joint.moves or (joint.name in places and not _named_jaw(joint)):
             found += [joint.child, *_fixed_to(robot, joint.child, places)]
     return found

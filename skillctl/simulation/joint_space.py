@@ -1,7 +1,7 @@
 """Skills whose states are joint angles: they move the joints themselves, without inverse kinematics.
 
 Reference, judge and plan are those of hand positions, with joint angles in place of coordinates. So distances
-and tolerances are in radians. Skills of other arms are told apart by the number of joints only.
+and tolerances are in radians. Coordinates with the names of joints move these; others are taken in order.
 """
 
 from __future__ import annotations
@@ -43,10 +43,14 @@ def joint_setup(skill: Skill, model: ArmModel, scenario: Scenario) -> Setup:
     _require_joints(skill, model, scenario)
     if isinstance(scenario.target, tuple):
         skill = retargeted(skill, scenario.target)
-    start = np.array(model.home_joints(0.0) if scenario.start is None else scenario.start)
-    for name, joints in (("start", start), *(("target", end) for end in skill.attractors)):
+    placement = _placement(skill, model)
+    home = np.array(model.home_joints(0.0))
+    start = home if scenario.start is None else placement.to_workspace(np.array(scenario.start))
+    for name, joints in (
+        ("start", start),
+        *(("target", end) for end in placement.to_workspace(skill.attractors)),
+    ):
         _require_within(name, joints, model)
-    placement = Placement(np.eye(model.n_joints), np.zeros(model.n_joints), 1.0, None)
     plan = plan_motion(skill, placement, joint_limits(scenario, model), start, farthest=FARTHEST)
     base_yaw = 0.0 if scenario.base_yaw is None else scenario.base_yaw
     with ArmBody(model, base_yaw, shapes="none") as body:
@@ -73,6 +77,13 @@ def joint_setup(skill: Skill, model: ArmModel, scenario: Scenario) -> Setup:
         slowed,
         plan,
     )
+
+
+def _placement(skill: Skill, model: ArmModel) -> Placement:
+    """Return the order of the skill's coordinates among the joints."""
+    names, n = skill.space.names, model.n_joints
+    order = [model.joints.index(name) for name in names] if set(names) == set(model.joints) else range(n)
+    return Placement(np.eye(n)[:, list(order)], np.zeros(n), 1.0, None)
 
 
 def joint_limits(scenario: Scenario, model: ArmModel) -> Scenario:

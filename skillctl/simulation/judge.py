@@ -26,12 +26,11 @@ class Verdict:
     detail: str = ""
 
 
-def apart(distance: float, unit: Unit) -> str:
-    """Return how far the arm was from its target, in words."""
+def apart(distance: float, unit: Unit, *, fine: bool = False) -> str:
+    """Return how far the arm was from its target, in words; ``fine``: metres in millimetres."""
     if unit == "rad":
         return f"the joints were {distance:.2f} rad from their target"
-    near = f"{1e3 * distance:.0f} mm" if distance < 0.1 else f"{distance:.2f} m"
-    return f"the hand was {near} from its target"
+    return f"the hand was {f'{1e3 * distance:.0f} mm' if fine else f'{distance:.2f} m'} from its target"
 
 
 class Judge:

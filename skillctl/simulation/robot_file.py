@@ -138,15 +138,14 @@ class Robot:
             self._require_holdable(name, place)
         places = dict(held)
         for joint in self.joints.values():
-            factor, offset, master = 1.0, 0.0, joint
-            while master.mimic is not None and master.mimic.joint in self.joints and math.isfinite(factor):
-                mimic = master.mimic
+            factor, offset, passed = 1.0, 0.0, [joint.name]
+            while (mimic := self.joints[passed[-1]].mimic) is not None and mimic.joint in self.joints:
+                if mimic.joint in passed:
+                    raise self.refused(f"has a joint {mimic.joint} that mimics itself")
                 factor, offset = factor * mimic.multiplier, factor * mimic.offset + offset
-                master = self.joints[mimic.joint]
-                if master is joint:
-                    raise self.refused(f"has a joint {joint.name} that mimics itself")
-            if master is not joint and master.name in held:
-                places[joint.name] = factor * held[master.name] + offset
+                passed.append(mimic.joint)
+            if len(passed) > 1 and passed[-1] in held:
+                places[joint.name] = factor * held[passed[-1]] + offset
         return places
 
     def _require_holdable(self, name: str, place: float) -> None:

@@ -145,7 +145,7 @@ class _Run:
             if progress is not None and step % every == 0:
                 progress("moving", round(1e3 * now), round(1e3 * horizon))
         place = self.arm.place_now
-        away = apart(length(place - self._true_target(place)), self.setup.unit)
+        away = apart(length(place - self._true_target(place)), self.setup.unit, fine=True)
         return Verdict("timeout", f"{away} after {horizon:.1f} s")
 
     def _true_target(self, place: FloatArray) -> FloatArray:

@@ -89,6 +89,7 @@ def _read(path: Path, _: object, tip: str | None, home: tuple[float, ...] | None
         indices=tuple(joints.index(joint.name) for joint in chain),
         tip=links.index(hand),
         tip_link=hand,
+        joints=tuple(joint.name for joint in chain),
         lower=lower,
         upper=upper,
         max_velocity=tuple(joint.velocity for joint in chain),

@@ -12,10 +12,14 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import InputDataError, UsageError
+from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ArmModel
+from skillctl.simulation.check import check
 from skillctl.simulation.hand import arm_ends, hand_frame
 from skillctl.simulation.robot_file import read_robot
+from skillctl.simulation.run import simulate
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.urdf import find_arm
 
 Write = Callable[..., Path]
@@ -166,9 +170,26 @@ def test_a_joint_that_follows_another_is_no_joint_of_its_own(write: Write) -> No
         find_arm(path, hold=(("j3", 0.2),))
 
 
-def test_a_joint_that_follows_itself_is_refused(write: Write) -> None:
+def test_followers_of_followers_stay_with_them(write: Write) -> None:
+    follows = joint("j4", "l3", "l4", axis="0 0 1")
+    inside = mimicking("j3", "j2").replace(
+        follows, follows.replace(LIMIT, LIMIT + '<mimic joint="j3" multiplier="3" offset=".2"/>')
+    )
+    arm = find_arm(str(write(inside)), hold=(("j2", 0.05),))
+    assert dict(arm.held)["j4"] == pytest.approx(3 * (-2 * 0.05 + 0.1) + 0.2)
+
+
+@pytest.mark.parametrize("masters", [("j3", "j1"), ("j4", "j3")])
+def test_joints_that_follow_each_other_are_refused(write: Write, masters: tuple[str, str]) -> None:
+    inside = ARM
+    for name, parent, child, axis, master in (
+        ("j3", "l2", "l3", "0 1 0", masters[0]),
+        ("j4", "l3", "l4", "0 0 1", masters[1]),
+    ):
+        alone = joint(name, parent, child, axis=axis)
+        inside = inside.replace(alone, alone.replace(LIMIT, LIMIT + f'<mimic joint="{master}"/>'))
     with pytest.raises(InputDataError, match="mimics itself"):
-        find_arm(str(write(mimicking("j3", "j3"))))
+        find_arm(str(write(inside)))
 
 
 def test_a_follower_beside_the_arm_stays_and_this_is_said(write: Write) -> None:
@@ -176,6 +197,27 @@ def test_a_follower_beside_the_arm_stays_and_this_is_said(write: Write) -> None:
     arm = find_arm(str(write(ARM + bellows)))
     assert arm.n_joints == 6
     assert "joint b mimics j2" in arm.notes[0]
+
+
+@pytest.mark.parametrize("ends", ['lower="0" upper="0"', 'lower="-0.3" upper="0.3"'])
+def test_what_the_check_tells_of_an_arm_by_file_is_what_happens(
+    write: Write, linear: Callable[..., SedsSkill], ends: str
+) -> None:
+    """Bullet enforces the limits of continuous joints, so the run could not do what the check promised."""
+    free = f'<limit {ends} effort="80" velocity="2.5"/>'
+    inside = ARM
+    for name, parent, child in (("j1", "base", "l1"), ("j4", "l3", "l4")):
+        limited = joint(name, parent, child, axis="0 0 1")
+        inside = inside.replace(limited, joint(name, parent, child, "continuous", "0 0 1", free))
+    scenario = Scenario(arm=str(write(inside)), start=(0.1, 0.5, 0.5), hand="free", base_yaw=0.0)
+    skill = linear((0.5, 0.1, 0.5))
+    told, happened = check(skill, scenario), simulate(skill, scenario)
+    assert inside != ARM
+    assert told.reachable
+    assert happened.success
+    assert np.abs(happened.series.joints[:, 0]).max() > 0.5  # beyond what is written
+    assert told.joint_margin == pytest.approx(happened.metrics.joint_margin, abs=0.01)
+    assert told.torque_ratio == pytest.approx(happened.metrics.torque_ratio, rel=0.2)
 
 
 def fixed(parent: str, *frames: str) -> str:
@@ -232,6 +274,7 @@ SEVEN = link("base") + chain([f"j{i}" for i in range(7)])
             "tcp",
         ),
         (ARM + fixed("l6", "gripper_base", "gripper_fingertip", "gripper_cover"), "l6", "gripper_base"),
+        (ARM + fixed("l6", "gripper_base") + fixed("gripper_base", "right_gripper"), "l6", "right_gripper"),
         (ARM + fixed("l6", "plate") + fixed("plate", "camera_link"), "l6", "plate"),
         # A mobile base with a torso, a head and wheels
         (
@@ -261,6 +304,13 @@ def test_the_hand_is_chosen_as_a_person_would(write: Write, inside: str, end: st
     robot = read_robot(write(inside))
     assert arm_ends(robot, {}) == [end]
     assert hand_frame(robot, end, {}) == hand
+
+
+def test_a_held_jaw_is_no_hand_and_a_held_wrist_carries_it(write: Write) -> None:
+    inside = ARM + moving("jaw_j", "l6", "jaw") + fixed("l6", "plate")
+    assert find_arm(str(write(inside)), hold=(("jaw_j", 0.02),)).tip_link == "l6"
+    arm = find_arm(str(write(ARM + fixed("l6", "tool0"))), hold=(("j6", 0.3),))
+    assert (arm.n_joints, arm.tip_link) == (5, "tool0")
 
 
 def test_two_equal_arms_are_a_question(write: Write) -> None:

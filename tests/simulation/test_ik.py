@@ -3,13 +3,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import ACCEPTED_JUMP, HAND_PITCH, POSE_ANGLE, POSE_POSITION, Kinematics
 
@@ -162,3 +163,17 @@ def test_a_search_depends_on_its_arguments_alone(panda: Kinematics) -> None:
 def test_the_ready_posture_holds_the_hand_as_asked(kinematics: Kinematics) -> None:
     point = kinematics.forward(kinematics.home)
     assert kinematics.search(point).joints == pytest.approx(kinematics.home, abs=1e-3)
+
+
+def test_a_posture_at_a_limit_is_taken_only_without_one_that_has_more_room() -> None:
+    home = ARMS["panda"].home_joints(HAND_PITCH["free"])
+    upper = list(ARMS["panda"].upper)
+    upper[3] = home[3] + LIMIT_MARGIN + 0.01  # the elbow at rest is 0.01 rad from its limit
+    with ArmBody(replace(ARMS["panda"], upper=tuple(upper)), 0.0, shapes="none") as body:
+        tight = Kinematics(body, "free", 0.0)
+        point = tight.forward(tight.home)
+        assert tight.margin(tight.home) == pytest.approx(0.01)
+        found = tight.search(point)
+        assert found.accepted
+        assert tight.margin(found.joints) > 0.01
+        assert tight.forward(found.joints) == pytest.approx(point, abs=1e-4)

@@ -75,6 +75,23 @@ def test_a_target_is_moved_in_joint_angles(turning: Callable[..., SedsSkill]) ->
     assert episode.series.joints[-1] == pytest.approx(target, abs=2e-3)
 
 
+def test_coordinates_with_the_names_of_joints_move_these(linear: MakeLinear) -> None:
+    names = tuple(f"panda_joint{i}" for i in (7, 6, 5, 4, 3, 2, 1))
+    skill = linear(TARGET[::-1], space=Euclidean(names, "rad"))
+    episode = simulate(skill, Scenario(start=START[::-1]))
+    assert episode.series.joints[0] == pytest.approx(START, abs=1e-6)
+    assert episode.series.joints[-1] == pytest.approx(TARGET, abs=2e-3)
+    assert check(skill, Scenario(start=START[::-1])).reachable
+
+
+def test_the_names_of_joints_are_those_of_the_models() -> None:
+    for arm in ARMS.values():
+        with ArmBody(arm, 0.0, shapes="none") as body:
+            found = [body.bullet.getJointInfo(body.body, i) for i in range(len(body.link_names()))]
+        assert tuple(found[i][1].decode() for i in arm.indices) == arm.joints
+        assert found[arm.tip][12].decode() == arm.tip_link
+
+
 def test_joints_keep_their_speed_limits(turning: Callable[..., SedsSkill]) -> None:
     fast = simulate(turning((2.5, *TARGET[1:]), rate=20.0), Scenario(start=(-2.5, *START[1:])))
     assert fast.success
