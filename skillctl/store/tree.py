@@ -42,7 +42,7 @@ def model_arrays(skill: Skill) -> dict[str, FloatArray]:
 
 
 def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
-    """Return the shears of all leaves, stacked; nothing if there are none. Fewer bumps get empty ones more."""
+    """Return the shears of all leaves, stacked, with empty bumps added to those of fewer; {} without any."""
     chains = [leaf.coordinates.links for leaf in leaves]
     if not any(chains):
         return {}

@@ -16,6 +16,7 @@ from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
+from skillctl.model.coordinates.chain import IDENTITY
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -237,8 +238,13 @@ def _candidates(
 
 
 def _try(options: MergeOptions, sources: Sequence[Source]) -> None:
-    """Raise UsageError for options that do not fit the skills, before any work is done; any P serves here."""
-    parents = [source.skill for source in sources]
+    """Raise UsageError for options that do not fit the skills, before any work is done.
+
+    Any P and any coordinates serve here.
+    """
+    parents = [
+        source.skill.with_leaves(lambda leaf: replace(leaf, coordinates=IDENTITY)) for source in sources
+    ]
     options.merge(parents, parents[0].leaves[0].lyapunov)
 
 
