@@ -18,7 +18,7 @@ from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
-from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
 from skillctl.workers.limits import Limits
@@ -124,7 +124,7 @@ def read_demonstrations(
         selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
-    _require_short([found for _, found in prepared])
+    _require_short(prepared)
     space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     findings = [found for _, found in prepared]
@@ -148,13 +148,13 @@ def _sha256(file: File) -> str:
     return hashlib.sha256(file.content).hexdigest()
 
 
-def _require_short(findings: Sequence[Findings]) -> None:
+def _require_short(prepared: Sequence[tuple[Demonstration, Findings]]) -> None:
     """Raise InputDataError if a recording lasts longer than a day: no motion does."""
-    longest = max(findings, key=lambda found: found.duration)
+    longest, found = max(prepared, key=lambda each: each[0].duration)
     if longest.duration > DAY:
         unit = next((u for u in ("ms", "us") if longest.duration < DAY / 100 * UNITS[u].per_base), "ns")
         raise InputDataError(
-            f"{longest.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
+            f"{found.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
             hint=f"Say their unit in the header or with --columns, as in t_{unit} or --columns t_{unit}=t.",
         )
 
