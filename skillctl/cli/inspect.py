@@ -114,6 +114,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         *words.proof(report.certificate),
         *words.stages(results.get("stages", ())),
         *words.held_out(HeldOut.recorded(results), unit),
+        *words.warnings(results.get("warnings", ())),
     )
     found: list[render.Block] = [render.Facts(facts)]
     if report.at is not None:
