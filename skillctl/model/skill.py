@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
 
@@ -323,16 +323,6 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike) -> AnySkill:
         )
     # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
     return skill.translated(goal - attractors[0]).with_leaves(lambda leaf: replace(leaf, attractor=goal))
-
-
-def joined_density(parts: Sequence[Skill], weights: FloatArray) -> GaussianMixture:
-    """Return the mixture of the parts' position densities with weights (number of parts,)."""
-    priors = np.concatenate([w * part.density.priors for w, part in zip(weights, parts, strict=True)])
-    return GaussianMixture(
-        priors / priors.sum(),
-        np.concatenate([part.density.means for part in parts]),
-        np.concatenate([part.density.covariances for part in parts]),
-    )
 
 
 def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.skill import Skill
 from skillctl.stability.parts import MARGIN, certify_part
 from skillctl.stability.region import certified_radius
@@ -47,7 +49,8 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
     if failures or not _parts_suffice(skill):
         scope = "none"
         if not failures:
-            parts = tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
+            several = cast(CombinedSkill, skill)
+            parts = tuple(replace(part, radius=certified_radius(several, i)) for i, part in enumerate(parts))
             scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
             failures = (_open_question(skill),)
         sampling = search_witness(skill, parts, seed)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import Skill
 from skillctl.stability.exact import Dyadic, is_positive_definite, leading_minors
 
 # Exact numbers go through log, exp and sqrt, each good to a few units in the last place (2^-52); this share
@@ -19,11 +19,11 @@ GUARD = 2.0**-32
 BISECTIONS = 30  # a relative accuracy of 1e-9 of the radius
 
 
-def certified_radius(skill: Skill, index: int) -> float | None:
+def certified_radius(skill: CombinedSkill, index: int) -> float | None:
     """Return a radius around part ``index``'s attractor from within which every motion ends there.
 
     On the ball ‖ξ − ξ*‖_P ≤ ρ each Gaussian's Mahalanobis distance lies within √m ± ρ √s, where √m is
-    its distance at ξ* and s = λ_max(Σ⁻¹, P). That bounds βᵢ pᵢ from below and every other βⱼ pⱼ from
+    its distance at ξ* and s = λ_max(Σ⁻¹, P). That bounds βᵢ rᵢ from below and every other βⱼ rⱼ from
     above. Where the first is larger, part i alone acts; it shrinks the P-norm, so the motion stays in the
     ball and converges. Valid only for a part that is itself proved. What it does not show: that motions
     from farther away end elsewhere.
@@ -38,8 +38,8 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     part = skill.acting_parts[index]
     try:
         bounds = [
-            DensityBounds.of(other.density, prior, part.attractor, part.lyapunov)
-            for other, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
+            DensityBounds.of(influence, prior, part.attractor, part.lyapunov)
+            for influence, prior in zip(skill.influences, skill.shares.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
         return None
@@ -57,7 +57,7 @@ def certified_radius(skill: Skill, index: int) -> float | None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DensityBounds:
-    """Bounds of log β p(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
+    """Bounds of log β r(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
 
     Attributes:
         peaks: log β πₖ − ½ log det 2πΣₖ.
@@ -83,12 +83,12 @@ class DensityBounds:
         return cls(np.log(density.priors) - 0.5 * log_determinants + offset, distances, slopes)
 
     def lowest(self, rho: float) -> float:
-        """Return a value that log β p nowhere falls below on the ball of radius ρ."""
+        """Return a value that log β r nowhere falls below on the ball of radius ρ."""
         value, guard = self._log_sum(self.distances + rho * self.slopes)
         return value - guard
 
     def highest(self, rho: float) -> float:
-        """Return a value that log β p nowhere exceeds on the ball of radius ρ."""
+        """Return a value that log β r nowhere exceeds on the ball of radius ρ."""
         value, guard = self._log_sum(np.maximum(self.distances - rho * self.slopes, 0.0))
         return value + guard
 

@@ -117,6 +117,9 @@ def skills() -> dict[str, Skill]:
         "nested merged": nested,
         "combined": CombinedSkill((a, c), np.array([0.25, 0.75])),
         "combined of merged": combined,
+        "combined with regions": CombinedSkill(
+            (a, c), np.array([0.25, 0.75]), regions=(seds(6, m=2).density, seds(7, m=5).density)
+        ),
     }
 
 
