@@ -76,3 +76,20 @@ def test_targets_that_hardly_differ_are_named(teach, run, tmp_path):
     assert "the targets of parts 1 and 2 are only 0.0004 m apart; --align makes them one" in result.stderr
     result = run("combine", left, tmp_path / "right.h5", "--align", "-o", tmp_path / "one.h5")
     assert "apart" not in result.stderr
+
+
+def test_a_merged_skill_that_follows_none_of_its_parts_says_so(teach, run, tmp_path):
+    # A straight way and an arc of the same ends: their mean is an arc half as high.
+    left = teach("left", LEFT)
+    alike = run("merge", left, left, "-o", tmp_path / "alike.h5")
+    assert "follow none" not in alike.stderr
+    turned = tmp_path / "turned.csv"
+    rows, times = ["demo,t,x,y"], np.linspace(0, 2, 41)
+    for number in range(6):
+        for t, angle in zip(times, np.linspace(np.pi, 0, 41), strict=True):
+            rows.append(f"{number},{t},{0.15 * (np.cos(angle) - 1)},{0.3 * np.sin(angle) + 0.001 * number}")
+    turned.write_text("\n".join(rows))
+    assert run("learn", turned, "-o", tmp_path / "turned.h5", "--preset", "fast").exit_code == 0
+    different = run("merge", left, tmp_path / "turned.h5", "-o", tmp_path / "different.h5")
+    assert different.exit_code == 0
+    assert "follow none of the parts: from the starts of their demonstrations" in different.stderr
