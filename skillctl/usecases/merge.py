@@ -286,8 +286,8 @@ def _require_free_weights(options: MergeOptions) -> None:
     ):
         if given:
             raise UsageError(
-                f"{what} and fit exclude each other: fitting chooses the weights of a superposition, and "
-                "their sum is its speed.",
+                f"{what} and fit exclude each other: fitting chooses the weights of a superposition, and its "
+                "speed.",
                 hint=f"Leave out --{what}, or --fit.",
             )
 
