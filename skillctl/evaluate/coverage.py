@@ -18,7 +18,7 @@ from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import ActingSkill, contraction_period, extent
+from skillctl.model.skill import ActingSkill, Skill, contraction_period, extent
 
 DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
@@ -199,6 +199,22 @@ def _best_log_prior(groups: Sequence[tuple[int, FloatArray]], logs: FloatArray, 
 
     best = max(values, key=gain)
     return float(best if gain(best) > gain(logs[part]) else logs[part])
+
+
+def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
+    """Return where demonstrations begin, seen from the attractors where they are now. Shape (n, d).
+
+    Args:
+        skill: Any skill.
+        demonstrations: One set per leaf, None where none is embedded.
+    """
+    return np.array(
+        [
+            leaf.attractor + (motion.positions[0] - motion.positions[-1])
+            for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
+            for motion in motions or ()
+        ]
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

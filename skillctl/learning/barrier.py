@@ -15,6 +15,9 @@ import numpy as np
 from skillctl.arrays import BoolArray, FloatArray
 
 CLEARANCE = 0.99  # share of the way from −I to the wall at which Newton's method may start
+KEPT = 0.01  # share of its slack that a Newton step leaves at least
+RIDGE = 1e-13  # of a scaled Hessian; far below what a well conditioned problem would notice
+ROUNDING = 1e-13  # an eigenvalue this small beside the largest may be zero or negative
 DONE = 1e-3  # Newton decrement, in units of the barrier's weight, at which a level of the path is left
 
 
@@ -39,10 +42,10 @@ class StabilityBarrier:
         return np.asarray(-0.5 * (product + product.swapaxes(-1, -2) + step) - self.rate * self.lyapunov)
 
     def value(self, matrices: FloatArray) -> FloatArray:
-        """Return −log det S_k, infinite where S_k is not positive definite. Shape (...)."""
+        """Return −log det S_k, infinite where S_k is not clearly positive definite. Shape (...)."""
         slack = self.slack(matrices)
         eigenvalues = np.linalg.eigvalsh(slack)
-        inside = eigenvalues[..., 0] > 0
+        inside = eigenvalues[..., 0] > ROUNDING * np.abs(eigenvalues[..., -1])
         logs = np.log(np.where(inside[..., None], eigenvalues, 1.0)).sum(axis=-1)
         return np.where(inside, -logs, np.inf)
 
@@ -142,17 +145,29 @@ def constrained_regression(
             slope = np.einsum("kij,kj->ki", quadratic, matrices.reshape(k, d * d)) - linear
             slope = slope + weight[:, None] * gradient
             # Newton's decrement, slopeᵀ Hessian⁻¹ slope, is twice the gain that the quadratic model promises.
-            step = -np.linalg.solve(quadratic + weight[:, None, None] * hessian, slope[..., None])[..., 0]
+            step = -_solved(quadratic + weight[:, None, None] * hessian, slope)
             decrement = -np.einsum("ki,ki->k", slope, step)
             active = decrement > DONE * weight
             if not active.any():
                 break
-            matrices, value = _line_search(cost, matrices, value, step, decrement, active, weight)
+            matrices, value = _line_search(cost, barrier, matrices, value, step, decrement, active, weight)
     return matrices
+
+
+def _solved(curvatures: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return H⁻¹ slope of K positive definite matrices, (K, m, m) and (K, m).
+
+    Near the wall of a badly conditioned P entries of H differ by ten orders of magnitude and more. With a
+    diagonal of ones (Jacobi's scaling) and ``RIDGE`` added to it, H is never singular.
+    """
+    roots = np.sqrt(np.diagonal(curvatures, axis1=1, axis2=2))
+    scaled = curvatures / (roots[:, :, None] * roots[:, None]) + RIDGE * np.eye(roots.shape[1])
+    return np.asarray(np.linalg.solve(scaled, (slopes / roots)[..., None])[..., 0] / roots)
 
 
 def _line_search(
     cost: Callable[[FloatArray, FloatArray], FloatArray],
+    barrier: StabilityBarrier,
     matrices: FloatArray,
     value: FloatArray,
     step: FloatArray,
@@ -160,12 +175,17 @@ def _line_search(
     active: BoolArray,
     weight: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return each problem's matrices and cost after backtracking along its Newton step."""
-    length = np.ones(len(matrices))
+    """Return each problem's matrices and cost after backtracking along its Newton step.
+
+    No step takes more than all but ``KEPT`` of the slack in any direction, or iterates could jump next to the
+    wall, from where Newton's method cannot get away.
+    """
+    length, kept = np.ones(len(matrices)), KEPT * barrier.slack(matrices)
     for _ in range(20):
         trial = matrices + (length[:, None] * step).reshape(matrices.shape)
         trial_value = cost(trial, weight)
-        better = trial_value <= value - 0.1 * length * decrement
+        clear = np.linalg.eigvalsh(barrier.slack(trial) - kept)[:, 0] > 0
+        better = clear & (trial_value <= value - 0.1 * length * decrement)
         if (better | ~active).all():
             break
         length = np.where(better, length, 0.5 * length)

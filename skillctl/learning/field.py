@@ -1,4 +1,4 @@
-"""The vector field in the learner's parameters, its derivatives, and its rollouts with sensitivities.
+"""The vector field in the learner's parameters, its derivatives, and its rollouts.
 
 Parameters: system matrices A (K, d, d) and gate logits W (K, F), logit_k(ξ) = W_k · φ(ξ) with the
 quadratic features φ = (1, ξ_i, ξ_i ξ_j for i ≤ j). Target at the origin, the learner's units.
@@ -41,35 +41,56 @@ class Field:
         matrices, logits = self.split(step)
         return Field(self.matrices + matrices, self.logits + logits)
 
-    def velocities(self, positions: FloatArray) -> FloatArray:
-        """Return f for positions (d, n), in the same shape."""
+    def velocities(self, positions: FloatArray, features: FloatArray | None = None) -> FloatArray:
+        """Return f for positions (d, n), in the same shape; ``features``: φ(positions), if it is known."""
         d = len(positions)
-        gates = softmax(self.logits @ quadratic_features(positions))
+        phi = quadratic_features(positions) if features is None else features
+        gates = softmax(self.logits @ phi)
         mixed = self.matrices.reshape(len(gates), d * d).T @ gates
         return np.asarray((mixed.reshape(d, d, -1) * positions).sum(axis=1))
 
-    def linearised(self, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return f, ∂f/∂ξ and ∂f/∂θ for positions (d, n): shapes (n, d), (n, d, d), (n, d, parameters)."""
+    def linearised(self, positions: FloatArray, features: FloatArray | None = None) -> Linearised:
+        """Return how f depends on θ at positions (d, n); ``features``: φ(positions), if it is known."""
         d, n = positions.shape
-        k, features = self.logits.shape
-        phi = quadratic_features(positions)
+        phi = quadratic_features(positions) if features is None else features
         gates = softmax(self.logits @ phi)
-        images = (self.matrices.reshape(k * d, d) @ positions).reshape(k, d, n)
-        f = np.einsum("kn,kin->in", gates, images)
+        images = (self.matrices.reshape(-1, d) @ positions).reshape(-1, d, n)
+        mean = (gates[:, None] * images).sum(axis=0)
         # ∂h_j/∂logit_k = h_j (δ_jk − h_k), so ∂f/∂logit_k = h_k (A_k ξ − f): the chain rule through softmax.
-        spread = gates[:, None] * (images - f)
-        slopes = _logit_slopes(self.logits, positions)
-        by_state = np.einsum("kn,kij->nij", gates, self.matrices) + np.einsum("kin,kjn->nij", spread, slopes)
-        # ∂f_i/∂A_k,lj = h_k ξ_j for l = i and zero otherwise; ∂f/∂W_k = ∂f/∂logit_k φᵀ.
-        by_parameter = np.zeros((n, d, self.n_parameters))
-        block = by_parameter[:, :, : k * d * d].reshape(n, d, k, d, d)
-        weighted = np.einsum("kn,jn->nkj", gates, positions)
-        for i in range(d):
-            block[:, i, :, i, :] = weighted
-        by_parameter[:, :, : k * d * d] = block.reshape(n, d, k * d * d)
-        gate_part = spread.transpose(2, 1, 0)[..., None] * phi.T[:, None, None, :]
-        by_parameter[:, :, k * d * d :] = gate_part.reshape(n, d, k * features)
-        return f.T, by_state, by_parameter
+        return Linearised(positions, phi, gates, gates[:, None] * (images - mean))
+
+    def by_state(self, at: Linearised) -> FloatArray:
+        """Return ∂f/∂ξ at n points. Shape (n, d, d)."""
+        k, d, n = at.spread.shape
+        mixed = at.gates.T @ self.matrices.reshape(k, d * d)
+        slopes = _logit_slopes(self.logits, at.positions)
+        # A copy in the order of the product makes the product many times faster.
+        through_gates = at.spread.transpose(2, 1, 0).copy() @ slopes.transpose(2, 0, 1).copy()
+        return np.asarray(mixed.reshape(n, d, d) + through_gates)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Linearised:
+    """∂f/∂θ at n points, in factors: ∂f_i/∂A_k,ij = h_k ξ_j, and ∂f/∂W_k = s_k φᵀ.
+
+    Attributes:
+        positions: ξ, shape (d, n).
+        features: φ, shape (F, n).
+        gates: h, shape (K, n).
+        spread: s_k = ∂f/∂logit_k = h_k (A_k ξ − f), shape (K, d, n).
+    """
+
+    positions: FloatArray
+    features: FloatArray
+    gates: FloatArray
+    spread: FloatArray
+
+    def pull_back(self, forces: FloatArray) -> FloatArray:
+        """Return Σ_n (∂f/∂θ)ᵀ force for forces (d, n). Shape (p,), ordered as in ``Field.split``."""
+        k, d, n = self.spread.shape
+        matrices = (self.gates[:, None] * forces).reshape(k * d, n) @ self.positions.T
+        logits = (self.spread * forces).sum(axis=1) @ self.features.T
+        return np.concatenate([matrices.ravel(), logits.ravel()])
 
 
 def _logit_slopes(logits: FloatArray, positions: FloatArray) -> FloatArray:
@@ -131,31 +152,3 @@ def heun_rollouts(
         x = x + 0.5 * steps * (slope + field.velocities(ahead))
     states[count] = predicted[count] = x
     return states, predicted
-
-
-def rollout_sensitivities(
-    field: Field, states: FloatArray, predicted: FloatArray, steps: FloatArray
-) -> FloatArray:
-    """Return ∂state/∂θ of Heun rollouts, exact for the discrete steps. Shape (count + 1, D, d, p).
-
-    With x⁺ = x + ½ Δt (f(x) + f(y)), y = x + Δt f(x), F = ∂f/∂ξ and G = ∂f/∂θ, the chain rule gives
-
-        ∂x⁺/∂θ = [I + ½ Δt (F(x) + F(y)(I + Δt F(x)))] ∂x/∂θ + ½ Δt [G(x) + G(y) + Δt F(y) G(x)].
-
-    Both brackets are computed for all steps at once; only the product of the first with ∂x/∂θ must go step by
-    step.
-    """
-    count, d, trajectories = states.shape[0] - 1, states.shape[1], states.shape[2]
-    here = field.linearised(states[:count].transpose(1, 0, 2).reshape(d, -1))
-    ahead = field.linearised(predicted[:count].transpose(1, 0, 2).reshape(d, -1))
-    dt = np.tile(steps, count)[:, None, None]
-    inner = np.eye(d) + dt * here[1]
-    transition = np.eye(d) + 0.5 * dt * (here[1] + ahead[1] @ inner)
-    drive = 0.5 * dt * (here[2] + ahead[2] + dt * (ahead[1] @ here[2]))
-    transition = transition.reshape(count, trajectories, d, d)
-    drive = drive.reshape(count, trajectories, d, -1)
-    sensitivities = np.zeros((count + 1, trajectories, d, field.n_parameters))
-    for index in range(count):
-        np.matmul(transition[index], sensitivities[index], out=sensitivities[index + 1])
-        sensitivities[index + 1] += drive[index]
-    return sensitivities

@@ -14,11 +14,12 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.geometry import norms, segment_lengths, squared_norms
 from skillctl.learning.outcome import Result, StageResult
-from skillctl.workers.blas import one_blas_thread
+from skillctl.learning.robust import soft_least_squares, soft_loss
 
 # All tuned on the 30 LASA motions.
 CONDITION_WEIGHT = 0.02  # keeps P round where the data do not determine it; rms distances per log-eigenvalue
 SOFT = 0.001  # a rise below this · √(number of points), in rms distances, counts quadratically
+STARTS = 8  # of all that ``_starts`` names, those from which the search is made
 EVALUATIONS = 12  # of the least squares from each start
 ROUND = 1.05  # condition number below which P has no axes to stretch it along
 
@@ -104,26 +105,47 @@ def learn_lyapunov(motions: Sequence[FloatArray]) -> tuple[FloatArray, StageResu
     Args:
         motions: One array (D, T, d) or more, relative to their attractors, at rms distance one.
     """
-    from scipy.optimize import least_squares
-
     d = motions[0].shape[-1]
     if d == 1:
         return np.eye(1), StageResult("metric", Result.CONVERGED, 0)
 
-    def residuals(parameters: FloatArray) -> FloatArray:
-        lyapunov = _exponential(parameters, d)
-        rises = np.concatenate([rise(lyapunov, motion).ravel() for motion in motions])
-        return np.append(rises / np.sqrt(rises.size), CONDITION_WEIGHT * parameters)
+    def linearise(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lyapunov, slopes = _exponential(parameters, d)
+        found = [_rise_slopes(lyapunov, motion) for motion in motions]
+        rises, by_entry = (np.concatenate(parts) / np.sqrt(points) for parts in zip(*found, strict=True))
+        ridge = CONDITION_WEIGHT * np.eye(parameters.size)
+        return np.append(rises, ridge @ parameters), np.vstack([by_entry @ slopes.T, ridge])
 
-    with one_blas_thread():  # SciPy brings a BLAS of its own, which may have been loaded only now
-        fits = [
-            least_squares(residuals, start, loss="soft_l1", f_scale=SOFT, max_nfev=EVALUATIONS)
-            for start in _starts(d)
-        ]
-    best = min(fits, key=lambda fit: float(fit.cost))
-    result = Result.CONVERGED if best.status > 0 else Result.OUT_OF_STEPS
-    lyapunov = _exponential(best.x, d)
-    return np.asarray(lyapunov * (d / np.trace(lyapunov))), StageResult("metric", result, int(best.nfev))
+    points = sum(motion[..., 0].size for motion in motions)
+    starts = sorted(_starts(d), key=lambda start: soft_loss(linearise(start)[0], SOFT))[:STARTS]
+    fits = [soft_least_squares(linearise, start, SOFT, EVALUATIONS, longest=1.0) for start in starts]
+    best = min(fits, key=lambda fit: fit.cost)
+    result = Result.CONVERGED if best.converged else Result.OUT_OF_STEPS
+    lyapunov, _ = _exponential(best.parameters, d)
+    return np.asarray(lyapunov * (d / np.trace(lyapunov))), StageResult("metric", result, best.steps)
+
+
+def _rise_slopes(lyapunov: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ``rise`` at all points and its derivatives by the entries of P, (n,) and (n, d²)."""
+    gradient = positions @ lyapunov
+    s = np.sqrt(np.maximum((gradient * positions).sum(axis=-1), 0.0))
+    samples = np.arange(s.shape[-1])
+    # Where s was lowest until now, and where it will be highest from now on.
+    low = np.maximum.accumulate(np.where(s <= np.minimum.accumulate(s, axis=-1), samples, 0), axis=-1)
+    backwards = s[..., ::-1]
+    high = np.where(backwards >= np.maximum.accumulate(backwards, axis=-1), samples, 0)
+    high = samples[-1] - np.maximum.accumulate(high, axis=-1)[..., ::-1]
+    # ds = xᵀ dP x / 2s, and d‖Px‖ = (Px)ᵀ dP x / ‖Px‖; slope = ‖Px‖ / s.
+    at = (s > 0)[..., None, None]
+    safe = np.where(s > 0, s, 1.0)[..., None, None]
+    norms = np.maximum(np.linalg.norm(gradient, axis=-1), 1e-100)[..., None, None]
+    outer = at * positions[..., None] * positions[..., None, :] / (2 * safe)
+    slope = np.where(at, norms / safe, 1.0)
+    row = np.arange(len(s))[:, None]
+    rises = 0.5 * (s[row, high] - s[row, low])[..., None, None] / slope
+    turned = at * (gradient[..., None] * positions[..., None, :] / norms**2 - outer / safe)
+    by_entry = 0.5 * (outer[row, high] - outer[row, low]) / slope - rises * turned
+    return rises.ravel(), by_entry.reshape(rises.size, -1)
 
 
 def stretched(lyapunov: FloatArray, factor: float = 2.0) -> FloatArray:
@@ -141,16 +163,23 @@ def stretched(lyapunov: FloatArray, factor: float = 2.0) -> FloatArray:
     return np.asarray(longer * (np.trace(lyapunov) / np.trace(longer)))
 
 
-def _exponential(parameters: FloatArray, d: int) -> FloatArray:
-    """Return exp(S) for the symmetric traceless S with these upper-triangle entries, the last left out."""
-    symmetric = np.zeros((d, d))
-    rows, columns = np.triu_indices(d)
-    symmetric[rows[:-1], columns[:-1]] = parameters
-    symmetric[columns, rows] = symmetric[rows, columns]
-    symmetric[-1, -1] = -np.trace(symmetric)
-    values, vectors = np.linalg.eigh(symmetric)
+def _exponential(parameters: FloatArray, d: int) -> tuple[FloatArray, FloatArray]:
+    """Return exp(S) and its derivatives (m, d²) for the symmetric traceless S with these parameters (m,).
+
+    They are the entries of its upper triangle, the last left out.
+    """
+    rows, columns = (index[:-1] for index in np.triu_indices(d))
+    units = np.zeros((rows.size, d, d))
+    units[np.arange(rows.size), rows, columns] = units[np.arange(rows.size), columns, rows] = 1.0
+    units[rows == columns, -1, -1] = -1.0
+    values, vectors = np.linalg.eigh(np.tensordot(parameters, units, 1))
     matrix = (vectors * np.exp(values)) @ vectors.T
-    return np.asarray(0.5 * (matrix + matrix.T))
+    # In the axes of S: d exp(S)_ij = dS_ij (e^a − e^b) / (a − b) with the eigenvalues a, b of i and j.
+    half = 0.5 * (values[:, None] - values)
+    ratio = np.divide(np.sinh(half), half, out=np.ones_like(half), where=half != 0)
+    quotients = np.exp(0.5 * (values[:, None] + values)) * ratio
+    slopes = vectors @ (quotients * (vectors.T @ units @ vectors)) @ vectors.T
+    return np.asarray(0.5 * (matrix + matrix.T)), slopes.reshape(rows.size, -1)
 
 
 def _starts(d: int) -> list[FloatArray]:

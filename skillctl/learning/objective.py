@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,18 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.geometry import phases
 from skillctl.learning.augmentation import displaced_paths, distant_samples
-from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, rollout_sensitivities, spread_root
+from skillctl.learning.field import Field, heun_rollouts, most_convex_gate, spread_root
+from skillctl.learning.moments import VelocityMoments
 from skillctl.learning.preprocess import TrainingData
+from skillctl.learning.representatives import representatives
+from skillctl.learning.sensitivity import RolloutSlopes
 
 # A gate this convex (in the data's own spread) needs a common quadratic of the same size added to all gates
 # (see ``gate_mixture``), which shifts log priors by about half of it times the squared spread, up to 9.
 MOST_CONVEX = 80.0
+
+MOST_ROLLED = 30  # demonstrations that are rolled out; the velocities of all count
+NODES = 8  # times at which rollouts count in the Gauss–Newton matrix; tuned on the 30 LASA motions
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,24 +81,21 @@ class Matching:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evaluation:
-    """Residuals at one field. Jᵀ residuals plus the ridge's gradient is that of the cost at fixed matching.
-
-    The cost is robust, so it is not ½‖residuals‖².
-    """
+    """The cost at one field, and the errors it is made of: velocity errors (d, n), and a matching."""
 
     field: Field
     cost: float
-    residuals: FloatArray
+    velocity_errors: FloatArray
     matching: Matching | None
 
 
 class LearningObjective:
     """½‖r‖² of velocity residuals and, if wanted, rollout residuals with their matching.
 
-    Every demonstration is matched both ways: each of its points to the nearest place on the rollout
-    from its start, each rollout state to the nearest place on the demonstration, where places a share
-    of the path apart cost extra (``phase``). The matching is redone at every evaluation and held fixed
-    inside the Jacobian.
+    Every demonstration, or ``MOST_ROLLED`` that stand for all, is matched both ways: each of its points
+    to the nearest place on the rollout from its start, each rollout state to the nearest place on the
+    demonstration, where places a share of the path apart cost extra (``phase``). The matching is redone
+    at every evaluation and held fixed inside the Jacobian.
 
     With rollouts, two terms determine the field where there are no data: velocities on copies far beside the
     demonstrations, and a ridge on A_k, negligible at the speed of the motion. Without them components
@@ -110,59 +112,58 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        self.paths, self.path_weights = displaced_paths(
-            data.positions, weights.displacement, weights.displaced_share
+        y = data.moved
+        chosen, shares = representatives(y.positions, MOST_ROLLED)
+        self.paths, path_weights = displaced_paths(
+            y.positions[chosen], weights.displacement, weights.displaced_share
         )
-        self.steps = np.tile(data.steps, len(self.paths) // len(data.positions)) / substeps
-        self.root = spread_root(data.points[0])
-        near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
-        self.positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
+        copies = len(self.paths) // len(chosen)
+        self.path_weights = path_weights * len(chosen) * np.tile(shares, copies)
+        self.path_factors = data.factors(self.paths)
+        self.steps = np.tile(data.steps[chosen], copies) / substeps
+        self.root = spread_root(y.points[0])
+        near, distant = y.points, distant_samples(y, weights.distances if rollouts else ())
+        positions, targets = (np.vstack(pair) for pair in zip(near, distant, strict=True))
         counts = len(near[0]), len(distant[0])
-        self.factors = self.path_factors = None
-        if data.weights is not None:
-            factors = data.weights.reshape(-1, *data.weights.shape[2:])
-            self.factors = np.concatenate([factors, factors[sources]])
-            self.path_factors = np.tile(data.weights, (len(self.paths) // len(data.weights), 1, 1, 1))
-        shares = 1 / counts[0], weights.distant_weight / max(counts[1], 1)
-        self.velocity_weights = np.sqrt(np.repeat(shares, counts))
+        point_weights = np.repeat([1 / counts[0], weights.distant_weight / max(counts[1], 1)], counts)
+        factors = data.factors(positions)
+        metric = None if factors is None else factors.swapaxes(1, 2) @ factors
+        self.targets = targets.T.copy()
+        self.moments = VelocityMoments(positions.T.copy(), point_weights, metric)
         self.ridge = weights.ridge if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = phases(self.paths)
+        self.every = max(1, round(self.count / NODES))
 
     def representable(self, field: Field) -> bool:
         """Return whether the gates can be stored as a Gaussian mixture without priors that underflow."""
         return most_convex_gate(field.logits, self.root) < MOST_CONVEX
 
     def evaluate(self, field: Field) -> Evaluation:
-        """Return the residuals at ``field``."""
-        velocity = (self.velocity_weights * (field.velocities(self.positions) - self.targets)).T
-        velocity = _times(self.factors, velocity).ravel()
-        cost = 0.5 * (float(velocity @ velocity) + self.ridge * float((field.matrices**2).sum()))
-        if not self.rollouts:
-            return Evaluation(field, cost, velocity, None)
-        matching = self._matched(field)
-        rollout = (matching.scales[:, None] * matching.errors).ravel()
-        return Evaluation(field, cost + matching.cost, np.append(velocity, rollout), matching)
+        """Return the cost and the errors at ``field``."""
+        moments = self.moments
+        errors = field.velocities(moments.positions, moments.features) - self.targets
+        cost = float((errors * moments.weighed(errors)).sum()) + self.ridge * float((field.matrices**2).sum())
+        matching = self._matched(field) if self.rollouts else None
+        return Evaluation(field, 0.5 * cost + (matching.cost if matching else 0.0), errors, matching)
 
     def normal_equations(self, evaluation: Evaluation) -> tuple[FloatArray, FloatArray]:
-        """Return JᵀJ and Jᵀr with the matching held fixed, ridge included. Shapes (p, p) and (p,)."""
-        field, matching = evaluation.field, evaluation.matching
-        p = field.n_parameters
-        velocity = self.velocity_weights[:, None, None] * field.linearised(self.positions)[2]
-        if self.factors is not None:
-            velocity = self.factors @ velocity
-        velocity = velocity.reshape(-1, p)
-        normal = velocity.T @ velocity
-        slope = velocity.T @ evaluation.residuals[: len(velocity)]
+        """Return the Gauss–Newton matrix and the gradient of the cost at fixed matching, (p, p) and (p,).
+
+        The gradient is exact. In the matrix, rollouts count at ``NODES`` times only.
+        """
+        field, matching, moments = evaluation.field, evaluation.matching, self.moments
+        at = moments.linearised(field)
+        normal, slope = moments.normal(at), at.pull_back(moments.weighed(evaluation.velocity_errors))
         matrices = np.arange(field.matrices.size)
         normal[matrices, matrices] += self.ridge
         slope[matrices] += self.ridge * field.matrices.ravel()
-        if matching is not None:  # JᵀJ = Sᵀ M S over the table S of sensitivities, see ``_gathered``
-            table = rollout_sensitivities(field, matching.states, matching.predicted, self.steps)
-            table = table.reshape(-1, self.data.dimension, p)
-            weighted, pull = _gathered(matching, table)
-            normal += table.reshape(-1, p).T @ weighted.reshape(-1, p)
-            slope += pull.ravel() @ table.reshape(-1, p)
+        if matching is not None:
+            pulls, weights = _gathered(matching)
+            slopes = RolloutSlopes(field, matching.states, matching.predicted, self.steps)
+            slope += slopes.gradient(pulls)
+            rows = _weighted(slopes.at_nodes(self.every), weights, self.every)
+            normal += rows.T @ rows
         return normal, slope
 
     def _matched(self, field: Field) -> Matching:
@@ -198,40 +199,57 @@ class LearningObjective:
         return Matching(states, predicted, rows.reshape(2, -1), shares, errors, factors, scales, cost)
 
 
-def _gathered(matching: Matching, table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return M S and the residuals summed per row of the table S of sensitivities.
+def reproduction_error(data: TrainingData, field: Field) -> float:
+    """Return the robust mean of squared distances between the demonstrations and motions from their starts."""
+    matching = LearningObjective(data, Weights(displacement=0.0), substeps=2).evaluate(field).matching
+    assert matching is not None
+    return matching.cost
 
-    A residual that depends on rows a and b with shares 1 − t and t adds its weight, times WᵀW if it has a W,
-    times (1 − t)², t² and t(1 − t) to M. So JᵀJ = Sᵀ M S without ever writing out J, which has twice the
-    rows.
+
+def _gathered(matching: Matching) -> tuple[FloatArray, FloatArray]:
+    """Return the gradient of the cost by each state of the rollouts, and how much each state counts.
+
+    A residual between two states, with shares 1 − t and t, counts at each in proportion to its share. For the
+    Gauss–Newton matrix that is an upper bound, and a close one as the states are one step apart.
+
+    Returns:
+        Shapes (count + 1, D, d) and (count + 1, D, 1, 1), or (count + 1, D, d, d) if residuals have a W.
     """
-    # A residual with one row (first = second, t = 0) adds nothing off the diagonal.
     first, second = matching.rows
-    count, share, weight = len(table), matching.shares, matching.scales**2
-    metric, pulls = np.ones((len(weight), 1, 1)), matching.errors
-    product: Callable[[FloatArray, FloatArray], FloatArray] = np.multiply
+    length, d, trajectories = matching.states.shape
+    share, weight = matching.shares[:, None], matching.scales[:, None] ** 2
+    metric, pulls = np.ones((len(weight), 1)), weight * matching.errors
     if matching.factors is not None:
         transposed = matching.factors.swapaxes(1, 2)
-        metric, pulls = transposed @ matching.factors, _times(transposed, pulls)
-        product = np.matmul
-    metric = weight[:, None, None] * metric
+        metric, pulls = (transposed @ matching.factors).reshape(-1, d * d), _times(transposed, pulls)
 
-    def summed(index: IntArray, values: FloatArray) -> FloatArray:
-        columns = [np.bincount(index, column, count) for column in values.reshape(len(values), -1).T]
-        return np.asarray(np.stack(columns, axis=1), dtype=np.float64).reshape(count, *values.shape[1:])
+    def summed(values: FloatArray) -> FloatArray:
+        columns = [
+            np.bincount(first, before, length * trajectories)
+            + np.bincount(second, after, length * trajectories)
+            for before, after in zip(((1 - share) * values).T, (share * values).T, strict=True)
+        ]
+        return np.stack(columns, axis=1).reshape(length, trajectories, -1)
 
-    def at(shares: FloatArray) -> FloatArray:
-        return shares[:, None, None] * metric
+    weights = summed(weight * metric)
+    side = int(np.sqrt(weights.shape[2]))
+    return summed(pulls), weights.reshape(length, trajectories, side, side)
 
-    own = summed(first, at((1 - share) ** 2)) + summed(second, at(share**2))
-    lag = matching.states.shape[2]  # row b follows row a by one step of every trajectory
-    crossed = summed(first, at(share * (1 - share) * (first != second)))[:-lag]
-    weighted = product(own, table)
-    weighted[:-lag] += product(crossed, table[lag:])
-    weighted[lag:] += product(crossed, table[:-lag])
-    pulls = weight[:, None] * pulls
-    pull = summed(first, (1 - share)[:, None] * pulls) + summed(second, share[:, None] * pulls)
-    return weighted, pull
+
+def _weighted(table: FloatArray, weights: FloatArray, every: int) -> FloatArray:
+    """Return rows R with RᵀR = Σ Sᵀ weight S over all states, from the sensitivities S (nodes, D, d, p).
+
+    The weight of a state between two nodes is shared by these. The start, whose S is zero, counts as a node.
+    """
+    nodes, _, d, p = table.shape
+    before = np.arange(1 - len(weights), 1) / every + nodes  # place of each state, in nodes from the start
+    hats = np.maximum(0.0, 1.0 - np.abs(before - np.arange(1, nodes + 1)[:, None]))
+    weights = np.tensordot(hats, weights, 1)
+    if weights.shape[2:] == (1, 1):
+        return np.asarray((np.sqrt(weights) * table).reshape(-1, p))
+    floor = 1e-12 * np.trace(weights, axis1=2, axis2=3)[..., None, None] * np.eye(d)
+    roots = np.linalg.cholesky(weights + floor)
+    return np.asarray((roots.swapaxes(2, 3) @ table).reshape(-1, p))
 
 
 def _times(factors: FloatArray | None, errors: FloatArray) -> FloatArray:

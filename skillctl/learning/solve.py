@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.errors import InputDataError
+from skillctl.errors import FitError, InputDataError
 from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import POSITION_FLOOR, JointMixture, constrained_em, log_likelihood, position_em
 from skillctl.learning.field import Field
@@ -58,7 +60,24 @@ def solve(
 
     Raises:
         InputDataError: Fewer distinct points than components.
+        FitError: The search broke down.
     """
+    try:
+        return _solve(data, lyapunov, n_components, options, progress)
+    except np.linalg.LinAlgError as error:
+        raise FitError(
+            f"no skill could be fitted: a matrix became singular ({error}).",
+            hint="Look for demonstrations that differ from the others, or use fewer --components.",
+        ) from error
+
+
+def _solve(
+    data: TrainingData,
+    lyapunov: FloatArray,
+    n_components: int,
+    options: LearnOptions,
+    progress: Progress,
+) -> Solution:
     barrier = stability_barrier(data, lyapunov, options)
     starts = initial_mixtures(data, barrier, n_components, options, progress)
     if options.objective == "likelihood":
@@ -66,10 +85,12 @@ def solve(
         best, ended = min(starts, key=lambda start: ranking.evaluate(field_of(start[0])).cost)
         likelihood = log_likelihood(best, *data.points)
         density = best.priors, best.means, best.covariances
+        if data.coordinates.links:
+            density = position_em(best, data.points[0], data.states)
         return Solution(field_of(best), density, -likelihood, likelihood, (ended,))
     state, best, results = optimise(data, barrier, [mixture for mixture, _ in starts], options, progress)
     likelihood = log_likelihood(best, *data.points)
-    density = position_em(best, data.points[0])
+    density = position_em(best, data.points[0], data.states)
     return Solution(state.evaluation.field, density, state.cost, likelihood, results)
 
 

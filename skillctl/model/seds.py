@@ -25,8 +25,8 @@ class SedsSkill(Frozen, ActingSkill):
     r"""A stable dynamical system learned from demonstrations: ξ̇ = α Σₖ hₖ(ξ) Aₖ (ξ − ξ*).
 
     hₖ(ξ) = πₖ N(ξ; μₖ, Σₖ) / Σⱼ πⱼ N(ξ; μⱼ, Σⱼ). In coordinates other than the identity all of this, but the
-    position density, is said of y = ξ* + c(ξ − ξ*). The class holds whatever matrices it is given; whether they are stable is decided by
-    ``skillctl.stability``, never assumed here.
+    position density, is said of y = ξ* + c(ξ − ξ*). The class holds whatever matrices it is given; whether
+    they are stable is decided by ``skillctl.stability``, never assumed here.
 
     Attributes:
         priors, means, covariances: πₖ (K,), μₖ (K, d), Σₖ (K, d, d) of the gates hₖ.

@@ -36,6 +36,7 @@ class Skill(ABC):
         parameters: Of the gate, by name.
         speed: α > 0, a factor on all velocities.
         density: Position density of all that the skill was taught.
+        influences: A mixture for each acting part: the one of the largest value, times its share, acts.
         acting_parts: The parts of which one acts at a time; the skill itself unless it is combined.
         outer_speed: Factor on the velocity of each acting part.
         reselects: Whether the acting part is chosen at every instant.
@@ -65,6 +66,8 @@ class Skill(ABC):
         def speed(self) -> float: ...  # noqa: D102
         @property
         def density(self) -> GaussianMixture: ...  # noqa: D102
+        @property
+        def influences(self) -> tuple[GaussianMixture, ...]: ...  # noqa: D102
         @property
         def acting_parts(self) -> tuple[ActingSkill, ...]: ...  # noqa: D102
         @property
@@ -213,6 +216,11 @@ class ActingSkill(Skill):
     def acting_parts(self) -> tuple[ActingSkill, ...]:
         """The skill itself: nothing else ever acts."""
         return (self,)
+
+    @property
+    def influences(self) -> tuple[GaussianMixture, ...]:
+        """Its own position density: nothing else is to be chosen."""
+        return (self.density,)
 
     @property
     def outer_speed(self) -> float:

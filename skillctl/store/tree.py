@@ -77,7 +77,7 @@ def _regions(arrays: Mapping[str, Array], n_parts: int) -> tuple[GaussianMixture
 
 
 def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
-    """Return the shears of all leaves, stacked; nothing if there are none. Fewer bumps get empty ones more."""
+    """Return the shears of all leaves, stacked, with empty bumps added to those of fewer; {} without any."""
     chains = [leaf.coordinates.links for leaf in leaves]
     if not any(chains):
         return {}

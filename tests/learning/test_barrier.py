@@ -110,3 +110,20 @@ def test_an_inactive_constraint_leaves_ordinary_least_squares() -> None:
     )
     # The barrier's pull: its weight times its gradient (about 1/slack ~ 2) over the Gram matrix.
     np.testing.assert_allclose(ours, truth, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5, 12, 16])
+def test_a_badly_conditioned_metric_does_not_end_next_to_the_wall(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    positions = generator.standard_normal((40, 3)) * [0.02, 0.3, 0.3]
+    velocities = positions @ (20 * generator.standard_normal((3, 3))).T
+    gram, cross = positions.T @ positions + 1e-3 * np.eye(3), velocities.T @ positions
+    axes, _ = np.linalg.qr(generator.standard_normal((3, 3)))
+    barrier = StabilityBarrier(axes @ np.diag([2e-5, 7e-3, 3.0]) @ axes.T, 0.03, 0.01)
+    (matrix,) = constrained_regression(gram[None], cross[None], np.eye(3)[None], barrier, final_weight=1e-4)
+    assert np.linalg.eigvalsh(barrier.slack(matrix)).min() > 0
+
+    def error(candidate: np.ndarray) -> float:
+        return float(((velocities - positions @ candidate.T) ** 2).sum())
+
+    assert error(matrix) < error(-np.eye(3))  # which is inside whatever the metric

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from skillctl.learning.field import Field, heun_rollouts, rollout_sensitivities
+from skillctl.learning.field import Field, heun_rollouts
+from skillctl.learning.sensitivity import RolloutSlopes
 
 
 def random_field(d: int, k: int = 3, seed: int = 0) -> Field:
@@ -35,8 +36,10 @@ def test_velocities_follow_the_formula(d: int) -> None:
 def test_derivatives_agree_with_finite_differences(d: int) -> None:
     field = random_field(d)
     points = np.random.default_rng(2).standard_normal((d, 5))
-    value, by_state, by_parameter = field.linearised(points)
-    np.testing.assert_allclose(value, field.velocities(points).T, rtol=1e-12, atol=1e-13)
+    at = field.linearised(points)
+    by_state = field.by_state(at)
+    forces = np.eye(5 * d).reshape(-1, d, 5)  # one for each coordinate of each point
+    by_parameter = np.stack([at.pull_back(force) for force in forces]).reshape(d, 5, -1)
 
     step = 1e-6  # central differences: error step² plus eps/step, together below 1e-9 here
     for j in range(d):
@@ -49,7 +52,7 @@ def test_derivatives_agree_with_finite_differences(d: int) -> None:
         numeric = (field.stepped(unit).velocities(points) - field.stepped(-unit).velocities(points)) / (
             2 * step
         )
-        np.testing.assert_allclose(by_parameter[:, :, index], numeric.T, atol=1e-8)
+        np.testing.assert_allclose(by_parameter[:, :, index], numeric, atol=1e-8)
 
 
 def test_rollouts_converge_to_the_solution_with_the_square_of_the_step() -> None:
@@ -72,12 +75,15 @@ def test_rollouts_converge_to_the_solution_with_the_square_of_the_step() -> None
     assert 3.0 < errors[0] / errors[1] < 5.5  # second order: a factor of four
 
 
-def test_sensitivities_agree_with_finite_differences() -> None:
-    field = random_field(2)
-    starts = np.array([[1.0, -0.5, 0.2], [0.5, 1.0, 0.9]])
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_sensitivities_agree_with_finite_differences(d: int) -> None:
+    field = random_field(d)
+    starts = np.random.default_rng(3).standard_normal((d, 3))
     steps = np.array([0.05, 0.08, 0.1])
-    states, predicted = heun_rollouts(field, starts, steps, 12)
-    sensitivities = rollout_sensitivities(field, states, predicted, steps)
+    slopes = RolloutSlopes(field, *heun_rollouts(field, starts, steps, 12), steps)
+    pulls = np.random.default_rng(4).standard_normal((13, 3, d))
+    gradient = slopes.gradient(pulls)
+    every_step, every_fifth = slopes.at_nodes(1), slopes.at_nodes(5)
 
     step = 1e-6
     for index in range(field.n_parameters):
@@ -85,5 +91,7 @@ def test_sensitivities_agree_with_finite_differences() -> None:
         unit[index] = step
         ahead, _ = heun_rollouts(field.stepped(unit), starts, steps, 12)
         behind, _ = heun_rollouts(field.stepped(-unit), starts, steps, 12)
-        numeric = (ahead - behind) / (2 * step)  # (time, d, trajectory)
-        np.testing.assert_allclose(sensitivities[..., index], numeric.transpose(0, 2, 1), atol=1e-8)
+        numeric = ((ahead - behind) / (2 * step)).transpose(0, 2, 1)  # (time, trajectory, d)
+        np.testing.assert_allclose(every_step[..., index], numeric[1:], atol=1e-8)
+        np.testing.assert_allclose(every_fifth[..., index], numeric[[2, 7, 12]], atol=1e-8)
+        assert gradient[index] == pytest.approx((pulls * numeric).sum(), abs=39 * d * 1e-8)

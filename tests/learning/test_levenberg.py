@@ -52,7 +52,7 @@ class Quadratic:
 
     def normal_equations(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         normal = np.eye(evaluation.field.n_parameters) * self.reported
-        return normal, np.append(evaluation.residuals, np.zeros(evaluation.field.logits.size))
+        return normal, np.append(evaluation.velocity_errors, np.zeros(evaluation.field.logits.size))
 
 
 def at(objective: Quadratic, matrix: np.ndarray, barrier: StabilityBarrier = WIDE) -> State:

@@ -91,6 +91,25 @@ def test_a_stretched_motion_is_seen_through() -> None:
     assert np.linalg.eigvalsh(learned).min() > 0
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_slopes_of_the_rise_are_those_of_finite_differences(d: int) -> None:
+    generator = np.random.default_rng(d)
+    paths = np.cumsum(generator.standard_normal((2, 15, d)), axis=1)
+    paths[:, -1] = 0.0
+    parameters = 0.5 * generator.standard_normal(d * (d + 1) // 2 - 1)
+    lyapunov, by_parameter = lyapunov_module._exponential(parameters, d)
+    assert np.linalg.det(lyapunov) == pytest.approx(1.0)  # its logarithm has no trace
+    rises, by_entry = lyapunov_module._rise_slopes(lyapunov, paths)
+    np.testing.assert_allclose(rises, rise(lyapunov, paths).ravel(), rtol=1e-12, atol=1e-15)
+    slopes = by_entry @ by_parameter.T
+
+    step = 1e-6  # smooth where neither the lowest nor the highest point changes, as here
+    for index, unit in enumerate(step * np.eye(parameters.size)):
+        ahead, behind = (lyapunov_module._exponential(parameters + s * unit, d)[0] for s in (1, -1))
+        numeric = (rise(ahead, paths) - rise(behind, paths)).ravel() / (2 * step)
+        np.testing.assert_allclose(slopes[:, index], numeric, atol=1e-7)
+
+
 def test_the_start_that_forces_least_gives_the_metric(monkeypatch: pytest.MonkeyPatch) -> None:
     # One evaluation a start leaves each where it is: P must be the one under which the path rises least.
     t = np.linspace(0, 6, 100)[:, None]

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.learning.augmentation import distant_samples
 from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
 from skillctl.learning.initialize import partitions
 from skillctl.learning.levenberg import State, minimise
-from skillctl.learning.objective import LearningObjective, Weights, _nearest_place
+from skillctl.learning.objective import LearningObjective, Weights, _nearest_place, _weighted
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
+from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.mixture import GaussianMixture, quadratic_features, softmax
 
@@ -33,11 +34,14 @@ def initial(data: TrainingData) -> Field:
     return field_of(constrained_em(labels, *data.points, BARRIER, iterations=5)[0])
 
 
-@pytest.fixture(params=["plain", "weighted"])
+@pytest.fixture(params=["plain", "bent"])
 def either(data: TrainingData, request: pytest.FixtureRequest) -> TrainingData:
-    """The data as they are, and with a random W for every sample."""
-    random = np.random.default_rng(3).standard_normal((*data.positions.shape, 2))
-    return data if request.param == "plain" else replace(data, weights=np.eye(2) + 0.4 * random)
+    """The data as they are, and in coordinates of two bent shears."""
+    random = np.random.default_rng(3).standard_normal((2, 6, 2))
+    shears = Shears(
+        np.eye(2), np.array([[0.6, 0.8], [-0.8, 0.6]]), np.full(2, -2.5), np.ones(2), 0.2 * random
+    )
+    return data if request.param == "plain" else replace(data, coordinates=Chain((shears,)))
 
 
 def times(factors: np.ndarray | None, errors: np.ndarray) -> np.ndarray:
@@ -52,7 +56,7 @@ def ridge_of(objective: LearningObjective) -> Callable[[Field], np.ndarray]:
 def test_only_fits_by_rollouts_look_beyond_the_data_and_have_a_ridge(data: TrainingData) -> None:
     plain = LearningObjective(data, rollouts=False)
     assert plain.ridge == 0
-    assert plain.positions.shape[1] == len(data.points[0])
+    assert plain.moments.positions.shape[1] == len(data.points[0])
 
 
 def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
@@ -76,34 +80,16 @@ def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
         assert found[i] == pytest.approx(min(candidates), abs=1e-6)
 
 
-def test_an_error_counts_in_the_metric_of_the_sample_it_belongs_to(
-    data: TrainingData, initial: Field
-) -> None:
-    trajectories, samples, d = data.positions.shape
-    sizes = 1.0 + np.arange(trajectories * samples)  # tell all samples apart
-    swap = np.eye(2)[::-1]
-    weights = (sizes[:, None, None] * swap).reshape(trajectories, samples, d, d)
-    objective = LearningObjective(replace(data, weights=weights))
-    expected, found = LearningObjective(data).evaluate(initial), objective.evaluate(initial)
-
-    count = objective.positions.shape[1]
-    sources = np.append(np.arange(len(sizes)), distant_samples(data, Weights().distances)[2])
-    velocity = sizes[sources, None] * expected.residuals[: d * count].reshape(-1, d)[:, ::-1]
-    np.testing.assert_allclose(found.residuals[: d * count].reshape(-1, d), velocity, rtol=1e-12)
-
-    assert expected.matching is not None
-    assert found.matching is not None
-    errors = [each.matching.errors.reshape(3 * trajectories, -1, d) for each in (expected, found)]
-    ratio = errors[1] / np.where(errors[0] == 0, np.nan, errors[0])[..., ::-1]
-    own = np.tile(sizes.reshape(trajectories, samples), (3, 1))
-    points = ~np.isnan(ratio[:, :samples, 0])  # a rollout starts where its demonstration does
-    np.testing.assert_allclose(ratio[:, :samples, 0][points], own[points], rtol=1e-9)
-    # A state of a rollout counts as the nearer end of the segment that it is compared with.
-    paths, states = objective.paths, expected.matching.states.transpose(2, 0, 1)
-    for path, rolled, ratios, scales in zip(paths, states, ratio[:, samples:, 0], own, strict=True):
-        nearest = np.linalg.norm(rolled[:, None] - path, axis=2).argmin(axis=1)
-        known = ~np.isnan(ratios)
-        assert np.abs(ratios - scales[nearest])[known].max() < 1.5  # phase moves it by one sample at most
+def test_errors_count_in_the_state(data: TrainingData, initial: Field) -> None:
+    # Coordinates that stretch everything threefold: y errs three times as much as the state it stands for.
+    threefold = Shears(3 * np.eye(2), np.eye(2), np.zeros(2), np.ones(2), np.zeros((2, 4, 2)))
+    stretched = replace(data, coordinates=Chain((threefold,)))
+    # Quadratic gates of y / 3 instead of y, and the same matrices: the same motion of the state.
+    same = Field(initial.matrices, initial.logits / np.array([1, 3, 3, 9, 9, 9]))
+    plain = LearningObjective(data).evaluate(initial)
+    found = LearningObjective(stretched, Weights(phase=3.0)).evaluate(same)  # matching is done in y
+    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-9, atol=1e-12)
+    assert found.cost == pytest.approx(plain.cost, rel=1e-9)
 
 
 def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matching(
@@ -131,8 +117,9 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
         squared = (matching.errors**2).sum(axis=1)
         weights = matching.scales**2 * np.sqrt(1 + squared / 0.25)  # undo ρ'(r)/2r = 1/√(1 + r²/δ²)
         rho = 0.25 * (np.sqrt(1 + (errors**2).sum(axis=1) / 0.25) - 1)
-        velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return float(0.5 * (velocity @ velocity + ridge(field) @ ridge(field)) + weights @ rho)
+        errors = moved.velocity_errors
+        quadratic = (errors * objective.moments.weighed(errors)).sum() + ridge(field) @ ridge(field)
+        return float(0.5 * quadratic + weights @ rho)
 
     assert frozen_cost(initial) == pytest.approx(evaluation.cost, rel=1e-12)
     step = 1e-6
@@ -144,32 +131,55 @@ def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matchin
 
 
 def test_the_normal_matrix_is_that_of_finite_differences_at_fixed_matching(
-    either: TrainingData, initial: Field
+    either: TrainingData, initial: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("skillctl.learning.objective.NODES", 1000)  # rollouts count at every step
     objective = LearningObjective(either, Weights(ridge=3.0))  # as large as the other entries
-    ridge = ridge_of(objective)
     evaluation = objective.evaluate(initial)
     assert evaluation.matching is not None
     normal, _ = objective.normal_equations(evaluation)
     matching = evaluation.matching
-    first, second = matching.rows
+    points = objective.moments.positions
 
-    def residuals(field: Field) -> np.ndarray:
-        moved = objective.evaluate(field)
-        assert moved.matching is not None
-        table = moved.matching.states.transpose(0, 2, 1).reshape(-1, 2)
-        share = matching.shares[:, None]
-        places = times(matching.factors, (1 - share) * table[first] + share * table[second])
-        velocity = moved.residuals[: 2 * objective.positions.shape[1]]
-        return np.concatenate([velocity, (matching.scales[:, None] * places).ravel(), ridge(field)])
+    def outputs(field: Field) -> tuple[np.ndarray, np.ndarray]:
+        moved = objective.evaluate(field).matching
+        assert moved is not None
+        return field.velocities(points).T, moved.states.transpose(0, 2, 1).reshape(-1, 2)
 
     step = 1e-6
-    columns = []
-    for unit in step * np.eye(initial.n_parameters):
-        columns.append((residuals(initial.stepped(unit)) - residuals(initial.stepped(-unit))) / (2 * step))
-    jacobian = np.stack(columns, axis=1)
+    pairs = [
+        (outputs(initial.stepped(unit)), outputs(initial.stepped(-unit)))
+        for unit in step * np.eye(initial.n_parameters)
+    ]
+    velocities, table = (
+        np.stack([(ahead[which] - behind[which]) / (2 * step) for ahead, behind in pairs], axis=2)
+        for which in (0, 1)
+    )
+    weighed = np.stack(
+        [objective.moments.weighed(column.T).T for column in velocities.transpose(2, 0, 1)], axis=2
+    )
+    expected = np.tensordot(velocities, weighed, ([0, 1], [0, 1]))
+    matrices = np.arange(initial.matrices.size)
+    expected[matrices, matrices] += 3.0
+    for row, share in zip(matching.rows, (1 - matching.shares, matching.shares), strict=True):
+        moved = table[row]
+        if matching.factors is not None:
+            moved = matching.factors @ moved
+        moved = (np.sqrt(share) * matching.scales)[:, None, None] * moved
+        expected += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     # A central difference with step 1e-6 of a rollout is good to about seven digits of the largest entry.
-    np.testing.assert_allclose(normal, jacobian.T @ jacobian, atol=1e-6 * np.abs(normal).max())
+    np.testing.assert_allclose(normal, expected, atol=1e-6 * np.abs(normal).max())
+
+
+def test_states_between_two_nodes_count_at_both(data: TrainingData) -> None:
+    weights = np.arange(1.0, 12.0)[:, None, None, None]  # of states 0 … 10, with nodes at 2, 6 and 10
+    rows = _weighted(np.eye(3)[:, None, None], weights, every=4)
+    # Node 6: itself, and of the states 3, 4, 5 and 7, 8, 9 a quarter, half, three quarters and back.
+    middle = 7 + 4 * 0.25 + 5 * 0.5 + 6 * 0.75 + 8 * 0.75 + 9 * 0.5 + 10 * 0.25
+    # The first node is four steps after the zeroth, which is two steps before the start.
+    first = 3 + 2 * 0.75 + 1 * 0.5 + 4 * 0.75 + 5 * 0.5 + 6 * 0.25
+    last = 11 + 8 * 0.25 + 9 * 0.5 + 10 * 0.75
+    np.testing.assert_allclose(rows.T @ rows, np.diag([first, middle, last]), rtol=1e-12)
 
 
 def test_every_step_lowers_the_cost_and_stays_strictly_stable(data: TrainingData, initial: Field) -> None:

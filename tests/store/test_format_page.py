@@ -64,12 +64,6 @@ def test_every_command_is_described():
         assert f'`"{command}"`' in PAGE
 
 
-def test_what_is_reserved_says_so():
-    for path, spec in layout.ARRAYS.items():
-        (line,) = [line for line in PAGE.splitlines() if line.startswith(f"| `/{path}` ")]
-        assert ("reserved" in line) == (spec.since > 1)
-
-
 def test_numbers_agree():
     assert f"at most {files.MAX_FILE_BYTES >> 20} MiB" in PAGE
     assert (

@@ -14,6 +14,7 @@ from skillctl.store.layout import META, content_digest
 from skillctl.store.migrations import FORMAT_VERSION
 from skillctl.store.seal import seal
 from skillctl.store.writer import body_of
+from skillctl.toml_files import parse_toml
 from skillctl.usecases.files import load, save
 from skillctl.usecases.verify_stability import verify
 
@@ -150,3 +151,7 @@ def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curv
     made = run("combine", *skills, "--store", tmp_path, "--name", "both", "--json")
     assert json.loads(made.stdout)["written"]["skill"] == "both@2"
     assert (tmp_path / "both" / "1.h5").read_bytes() == data
+
+
+def test_a_toml_file_may_begin_with_a_byte_order_mark():
+    assert parse_toml("\ufeffa = 1".encode()) == {"a": 1}

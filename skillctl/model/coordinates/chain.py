@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from skillctl.arrays import FloatArray
 
 Pull: TypeAlias = Callable[[FloatArray], FloatArray]  # leads velocities ẏ back to ẋ = Dc⁻¹ ẏ
@@ -54,6 +56,17 @@ class Link(ABC):
         y, pull = self.tangent(offset[None])
         return y[0], lambda velocity: pull(velocity[None])[0]
 
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
+
+        They hold the exact images: rounding is added. A link that knows no better returns the whole space.
+        """
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in the boxes from ``low`` to ``high``, as above."""
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
+
 
 @dataclass(frozen=True, slots=True)
 class Chain(Link):
@@ -84,6 +97,18 @@ class Chain(Link):
             offsets, pull = link.tangent(offsets)
             pulls.append(pull)
         return offsets, _one_after_the_other(pulls)
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        for link in self.links:
+            low, high = link.bounds_forward(low, high)
+        return low, high
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        for link in reversed(self.links):
+            low, high = link.bounds_back(low, high)
+        return low, high
 
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""

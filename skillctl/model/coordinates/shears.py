@@ -19,6 +19,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, Frozen, frozen_array
 from skillctl.errors import InvalidModelError
 from skillctl.model.coordinates.chain import Link, Pull
+from skillctl.model.coordinates.enclosure import GUARD, Enclosure, inverse_with_error
 
 LARGEST = 1e100  # of a number, and of how much φ or φ⁻¹ stretches: products of a few stay within float64
 
@@ -120,6 +121,20 @@ class Shears(Frozen, Link):
             coordinates = coordinates - shear.amounts(coordinates @ shear.direction)
         return coordinates @ self._inverse.T
 
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold φ(x) for all x in boxes, (n, d) each; see ``Link``."""
+        enclosure = Enclosure.of(low, high).multiplied(self.linear)
+        for shear in self._shears:
+            enclosure = enclosure.sheared(shear)
+        return enclosure.box()
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold φ⁻¹(y) for all y in boxes, (n, d) each; see ``Link``."""
+        enclosure = Enclosure.of(low, high)
+        for shear in reversed(self._shears):
+            enclosure = enclosure.sheared(shear, -1)
+        return enclosure.multiplied(*inverse_with_error(self.linear)).box()
+
     def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
         """Return y for offsets (n, d), and what leads velocities back: Dφ⁻¹ = L⁻¹ Π (I − a_i′ w_iᵀ)."""
         y, slopes = offsets @ self.linear.T, []
@@ -175,9 +190,24 @@ class _Shear:
     Attributes:
         direction: w, shape (d,).
         row: The same as a list.
+        blur: See ``enclosure.Shear``.
+        sizes: See ``enclosure.Shear``.
     """
 
-    __slots__ = ("_cells", "_count", "_lists", "_per_length", "_shift", "_start", "_zero", "direction", "row")
+    __slots__ = (
+        "_cells",
+        "_count",
+        "_extremes",
+        "_lists",
+        "_per_length",
+        "_shift",
+        "_start",
+        "_zero",
+        "blur",
+        "direction",
+        "row",
+        "sizes",
+    )
 
     def __init__(self, direction: FloatArray, first: float, spacing: float, coefficients: FloatArray) -> None:
         across = coefficients - np.outer(coefficients @ direction, direction) / (direction @ direction)
@@ -193,6 +223,10 @@ class _Shear:
         self._shift = np.zeros(d)
         self._shift = self.amounts(np.zeros(1))[0]
         self._zero = self._shift.tolist()
+        self.blur = (abs(self._start) + self._count) * spacing
+        along = np.abs(coefficients @ direction)[:, None] * np.abs(direction) / (direction @ direction)
+        self.sizes = 16 * (np.abs(coefficients) + along).max(axis=0)  # BUMP's entries add up to less
+        self._extremes = _slope_extremes(cells, 1 / spacing)
 
     def amounts(self, places: FloatArray) -> FloatArray:
         """Return a at places t (n,). Shape (n, d); exactly zero at zero."""
@@ -203,6 +237,25 @@ class _Shear:
         """Return a′ at places t (n,). Shape (n, d)."""
         cubics, f = self._located(places)
         return ((3 * cubics[:, 3] * f + 2 * cubics[:, 2]) * f + cubics[:, 1]) * self._per_length
+
+    def slope_bounds(self, places: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of a′ within ``reach`` (n,) of places t (n,). Shape (n, d) each.
+
+        Over a cell, a′ is no more than its extremes there, and differs from a′(t) by ``reach`` times the
+        largest |a″|; of the two bounds the better one counts.
+        """
+        u, wide = places * self._per_length + self._start, reach * self._per_length
+        wide = wide + GUARD * (1 + np.abs(u) + wide)
+        cells = np.arange(-1, self._count + 1)  # beyond the bumps on either side, too
+        covered = (cells <= (u + wide)[:, None]) & (cells + 1 >= (u - wide)[:, None])
+        covered[:, 0] |= u - wide < 0
+        covered[:, -1] |= u + wide >= self._count
+        least, most, bend = self._extremes
+        lowest = np.where(covered[:, :, None], least, np.inf).min(axis=1)
+        highest = np.where(covered[:, :, None], most, -np.inf).max(axis=1)
+        change = np.where(covered[:, :, None], bend, 0.0).max(axis=1) * wide[:, None] / self._per_length
+        middle, guard = self.slopes(places), GUARD * self.sizes * self._per_length
+        return np.maximum(lowest, middle - change) - guard, np.minimum(highest, middle + change) + guard
 
     def _located(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the cubics (n, 4, d) of the cells around places, and how far along each they are (n, 1)."""
@@ -231,9 +284,28 @@ class _Shear:
         f, cubics = u - index, self._lists[index]
         per_length = self._per_length
         amount = [
-            ((p3 * f + p2) * f + p1) * f + p0 - s for (p0, p1, p2, p3), s in zip(cubics, self._zero, strict=True)
+            ((p3 * f + p2) * f + p1) * f + p0 - s
+            for (p0, p1, p2, p3), s in zip(cubics, self._zero, strict=True)
         ]
         return amount, [((3 * p3 * f + 2 * p2) * f + p1) * per_length for _, p1, p2, p3 in cubics]
+
+
+def _slope_extremes(cells: FloatArray, per_length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return least and largest a′, and largest |a″|, of every cell and one before the first, (cells, d) each.
+
+    a′ is a parabola in each cell: its extremes are at the ends, or where a″, which is linear, is zero.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.nan_to_num(-cells[:, 2] / (3 * cells[:, 3]), nan=0.0)  # where a″ = 0
+    places = np.stack([np.zeros_like(turn), np.clip(turn, 0.0, 1.0), np.ones_like(turn)])
+    slopes = (3 * cells[:, 3] * places + 2 * cells[:, 2]) * places + cells[:, 1]
+    bends = np.abs(6 * cells[:, 3] * places + 2 * cells[:, 2])
+    found = (
+        slopes.min(axis=0) * per_length,
+        slopes.max(axis=0) * per_length,
+        bends.max(axis=0) * per_length**2,
+    )
+    return tuple(np.concatenate([np.zeros((1, each.shape[1])), each]) for each in found)  # type: ignore[return-value]
 
 
 def _product(rows: list[list[float]], vector: list[float]) -> list[float]:
