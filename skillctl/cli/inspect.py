@@ -177,7 +177,7 @@ def _regions(regions: Sequence[Region], unit: str) -> render.Table:
         "region": lambda region: region.part,
         "prior": lambda region: f"{region.prior:.3g}",
         "ends at": lambda region: words.point(region.attractor, unit),
-        "own starts in it": lambda region: words.percent(region.selected),
+        "left-out starts in it": lambda region: words.percent(region.selected),
         "proved radius": lambda region: words.length(region.radius, unit),
     }
     return render.table(regions, columns)
