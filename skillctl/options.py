@@ -10,6 +10,7 @@ made. Only the standard library is imported here, because ``--help`` must not wa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -20,6 +21,8 @@ from skillctl.errors import UsageError
 # Headings under which options of several commands stand.
 MOTION = "The motion"
 RESULT = "The result"
+
+FARTHEST = 100.0  # [m]; coordinates from here on are not in metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +126,15 @@ def literals(kind: Any) -> tuple[str, ...]:
 def read_numbers(text: str) -> tuple[float, ...]:
     """Read ``1,2.5,-3``, or raise ValueError."""
     return _listed(text, float, "numbers separated by commas, as in 0.4,0,0.5")
+
+
+def read_point(text: str) -> tuple[float, ...]:
+    """Read coordinates in metres or radians, or raise ValueError; no arm reaches ``630,0,760``."""
+    point = read_numbers(text)
+    if any(FARTHEST <= abs(number) < math.inf for number in point):
+        metres = ",".join(f"{number / 1000:g}" for number in point)
+        raise ValueError(f"{text} are metres; did you mean millimetres, which are {metres}?")
+    return point
 
 
 def read_words(text: str) -> tuple[str, ...]:

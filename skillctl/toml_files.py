@@ -36,7 +36,7 @@ def parse_toml(data: bytes) -> dict[str, Any]:
         ValueError: Not UTF-8, or not TOML.
     """
     try:
-        return tomllib.loads(data.decode("utf-8"))
+        return tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # the latter for brackets nested too deeply
         raise ValueError(f"not TOML ({printable(str(error))[:200]})") from None
 

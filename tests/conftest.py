@@ -127,6 +127,22 @@ def make_skill() -> Callable[..., Any]:
     return make
 
 
+@pytest.fixture(scope="session")
+def make_shears() -> Callable[..., Any]:
+    """Return a maker of random shears around a target, with bumps of some share of their range."""
+    import numpy as np
+
+    from skillctl.model.coordinates.shears import Shears
+
+    def make(rng: Any, d: int, *, size: float = 0.1, scale: float = 1.0) -> Any:
+        linear = np.triu(rng.normal(0, 0.3, (d, d)), 1) + np.diag(np.exp(rng.normal(0, 0.3, d)))
+        coefficients = size * scale * rng.normal(size=(6, 11, d))
+        spacings = rng.uniform(0.4, 0.6, 6) * scale
+        return Shears(linear, rng.normal(size=(6, d)), -5 * spacings, spacings, coefficients)
+
+    return make
+
+
 def write_motion(path: Path, start: Sequence[float], bend: Sequence[float], end: Sequence[float]) -> Path:
     """Write one smooth motion as CSV: from start to end, bent aside by ``bend`` in between, in 2 s."""
     import numpy as np

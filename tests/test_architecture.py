@@ -57,6 +57,8 @@ ONLY_IN = {
     "matplotlib": {"plotting"},
     "av": {"simulation"},
     "distributed": {"workers"},
+    "rosbags": {"demonstrations"},
+    "pyarrow": {"demonstrations"},
     "click": set(),
 }
 

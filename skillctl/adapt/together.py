@@ -10,8 +10,8 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import common_lyapunov_of, conflicting_parts
 from skillctl.errors import FitError
 from skillctl.evaluate.errors import mean_dtw, report_errors
-from skillctl.learning.fit import fit, learned_metric
-from skillctl.learning.options import LearnOptions
+from skillctl.learning.fit import fit, learned_distance
+from skillctl.learning.options import Coordinates, LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill, contraction_period, retargeted
@@ -147,7 +147,7 @@ def _learned_again(sources: Sequence[Source], build: Build, progress: Progress |
         FitError: A part carries no demonstrations, or the result is not proved.
     """
     taught = _required_demonstrations(sources)
-    lyapunov = learned_metric(taught)
+    distance = learned_distance(taught, _coordinates_of(sources))
     leaves: list[SedsSkill] = []
     refits: list[Refit] = []
     reports: list[DemonstrationReport] = []
@@ -155,7 +155,7 @@ def _learned_again(sources: Sequence[Source], build: Build, progress: Progress |
     for number, ((source, old), motions) in enumerate(zip(owned, taught, strict=True)):
         if progress is not None:
             progress(f"refitting {source.name}", number, len(owned))
-        fitted = fit(motions, _options_of(source, old), lyapunov=lyapunov)
+        fitted = fit(motions, _options_of(source, old), distance=distance)
         new = replace(retargeted(fitted.skill, old.attractor), speed=old.speed)
         before, after = (report_errors(leaf, motions, number) for leaf in (old, new))
         leaves.append(new)
@@ -163,14 +163,14 @@ def _learned_again(sources: Sequence[Source], build: Build, progress: Progress |
         reports += after
     remaining = iter(leaves)
     parts = tuple(source.skill.with_leaves(lambda _: next(remaining)) for source in sources)
-    certificate = certify(build(parts, lyapunov))
+    certificate = certify(build(parts, distance.lyapunov))
     if certificate.verdict != "stable" or certificate.rate is None:
         raise FitError(
             f"the skills, learned again under one Lyapunov matrix, could not be proved: "
             f"{(*certificate.failures, 'no rate was found.')[0]}",
             hint="Learn them again, all with --metric euclidean.",
         )
-    return Together(parts, lyapunov, "refitted", certificate.rate, tuple(refits), tuple(reports))
+    return Together(parts, distance.lyapunov, "refitted", certificate.rate, tuple(refits), tuple(reports))
 
 
 def _required_demonstrations(sources: Sequence[Source]) -> list[DemonstrationSet]:
@@ -202,6 +202,12 @@ def _conflict(sources: Sequence[Source]) -> str:
     """Return the names of the skills that admit no common Lyapunov matrix, as in ``a and b``."""
     group = conflicting_parts([source.skill for source in sources]) or range(len(sources))
     return " and ".join(sources[index].name for index in group)
+
+
+def _coordinates_of(sources: Sequence[Source]) -> Coordinates:
+    """Return how the parts are to be learned again: in the state if each was asked to be, else as suits."""
+    asked = {source.artifact.operation.options.get("coordinates") for source in sources}
+    return "identity" if asked == {"identity"} else "auto"
 
 
 def _own_rate(skill: Skill) -> float:

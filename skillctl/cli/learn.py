@@ -14,11 +14,11 @@ from skillctl.cli.exit_codes import ExitCode
 from skillctl.cli.making import make
 from skillctl.cli.output import Output
 from skillctl.cli.parameters import was_typed
-from skillctl.demonstrations.formats import described
+from skillctl.demonstrations.formats import described, files_of
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import UsageError
 from skillctl.learning.options import LearnOptions
-from skillctl.usecases.options import Validation
+from skillctl.usecases.options import Robot, Validation
 
 if TYPE_CHECKING:
     from skillctl.usecases.learn import LearnReport
@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl learn reach-*.csv --name reach
-  skillctl learn recording.csv --columns hand_x,hand_y,hand_z --units mm -o reach.h5
+  skillctl learn rec.csv --columns x=a,y=b,z=c --units mm -o reach.h5
   skillctl learn low_dim.hdf5 --demos 0-19 --name lift
+  skillctl learn reach-*.bag --topic /joint_states --arm robot.urdf --name reach
   skillctl learn reach-*.csv --name reach --validate --plot reach.svg
-  skillctl learn GShape.mat --name g-shape --objective likelihood --metric euclidean
+  skillctl learn GShape.mat --name g --objective likelihood --metric euclidean
   skillctl learn --batch manifest.toml --jobs 4"""
 
 # What is said once for all skills; all other options of `learn` stand in the manifest.
@@ -56,6 +57,7 @@ def learn(
     ] = None,
     work: options.Work,
     reading: Reading,
+    robot: Robot,
     learning: LearnOptions,
     validation: Validation,
 ) -> None:
@@ -75,15 +77,17 @@ def learn(
             "no demonstrations are given.", hint="Name their files, or list many with --batch F.toml."
         )
     paths = [Path(path) for path in data]
+    files = [file for path in paths for file in files_of(path)]
     call = partial(
         learn_skill,
         paths,
         store=place.store,
         options=learning,
         reading=reading,
+        robot=robot,
         validated=validation.validate,
     )
-    make(output, "learning", making, call, blocks, lambda report: paths)
+    make(output, "learning", making, call, blocks, lambda report: [*files, *robot.files])
 
 
 def blocks(report: LearnReport) -> list[render.Block]:

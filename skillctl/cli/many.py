@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skillctl.usecases.simulate_many import SimulateManyReport
 
 SHOWN_FAILURES, SHOWN_NUMBERS = 5, 8
+OF_STATES = ("final_error", "tracking_rmse")  # figures in the unit of the skill
 MEDIANS = {  # figure → heading, unit
     "final_error": ("final error", "m"),
     "time_to_target": ("time to target", "s"),
@@ -44,12 +45,22 @@ def refuse_for_one(*options: Any) -> None:
         )
 
 
+def refuse_for_check(watching: Any, *others: Any) -> None:
+    """Raise UsageError if an option of a run is given; a check only takes a demonstration's start."""
+    for option in chain.from_iterable(map(changed, (watching, *others))):
+        if option.key != "demo":
+            raise UsageError(
+                f"--{option.key} is about a run; with --check nothing moves.",
+                hint=f"Leave out --check, or --{option.key}.",
+            )
+
+
 def blocks(report: SimulateManyReport) -> list[render.Block]:
     """Return the report for people."""
     low, high = report.interval
     facts = [
         ("skill", report.skill),
-        ("arm", report.arm),
+        *words.arm(report.arm, _hands(report), report.tip, report.held),
         (
             "successes",
             f"{report.successes} of {report.episodes}: {report.success_rate:.0%} "
@@ -68,11 +79,21 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
         found.append(render.Table(("part that acted", "episodes", "successes"), tuple(parts)))
     medians = [
         (heading, words.length(value, unit) if unit == "m" else words.number(value, unit))
-        for name, (heading, unit) in MEDIANS.items()
+        for name, (heading, hand_unit) in MEDIANS.items()
+        for unit in [report.unit if name in OF_STATES else hand_unit]
         if (value := report.medians[name]) == value  # NaN: no episode has it
     ]
     found.append(render.Table(("figure", "median"), tuple(medians)))
     return found
+
+
+def _hands(report: SimulateManyReport) -> str | None:
+    """Return the orientations of the hand; with their numbers of episodes if there are several."""
+    if report.unit == "rad":
+        return None
+    if len(report.hands) < 2:
+        return next(iter(report.hands), None)
+    return " and ".join(f"{hand} ({count})" for hand, count in report.hands.items())
 
 
 def _failures(report: SimulateManyReport) -> list[render.Block]:

@@ -16,13 +16,14 @@ def blocks(report: CheckReachReport) -> list[render.Block]:
     facts = [("skill", report.skill), ("reachable", words.yes_no(found.reachable))]
     if found.reason:
         facts.append(("reason", found.reason))
-    facts.append(("arm", found.arm if found.hand is None else f"{found.arm}, hand {found.hand}"))
+    facts += words.arm(found.arm, found.hand if found.unit == "m" else None, found.tip, found.held)
     for name, point, residual in (
         ("start", found.start, found.start_residual),
         ("target", found.target, found.target_residual),
     ):
         if point is not None and residual is not None:
-            facts.append((name, f"{words.point(point, 'm')}, {words.length(residual, 'm')} off"))
+            off = f", {words.length(residual, 'm')} off" if found.unit == "m" else ""
+            facts.append((name, f"{words.point(point, found.unit)}{off}"))
     if found.path_residual is not None and found.duration is not None:
         facts.append(
             ("path", f"{words.length(found.path_residual, 'm')} off at most, {found.duration:.2f} s long")
@@ -34,4 +35,6 @@ def blocks(report: CheckReachReport) -> list[render.Block]:
     if found.velocity_ratio is not None:
         slowed = "; the arm will slow it down" if found.velocity_ratio > 1 else ""
         facts.append(("joint speed", f"{found.velocity_ratio:.0%} of the limit at most{slowed}"))
+    if found.torque_ratio is not None:
+        facts.append(("joint torque", f"{found.torque_ratio:.0%} of the limit at most, to carry the arm"))
     return [render.Facts(tuple(facts))]

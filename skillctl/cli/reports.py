@@ -85,8 +85,7 @@ def junit(report: VerifyReport) -> str:
             kind = "error" if verdict.outcome == "unreadable" else "failure"
             text = printable(reason(verdict))
             ElementTree.SubElement(case, kind, {"type": verdict.outcome, "message": text}).text = text
-        proof = () if verdict.certificate is None else verdict.certificate.proof
-        ElementTree.SubElement(case, "system-out").text = "\n".join([identity(verdict), *proof])
+        ElementTree.SubElement(case, "system-out").text = "\n".join([identity(verdict), *_proof(verdict)])
     ElementTree.indent(root)
     return f"<?xml version='1.0' encoding='utf-8'?>\n{ElementTree.tostring(root, encoding='unicode')}\n"
 
@@ -134,8 +133,14 @@ def reason(verdict: SkillVerdict) -> str:
     if certificate is None:
         return describe(verdict.error).message if verdict.error else verdict.outcome
     if verdict.outcome == "proved":
-        return " ".join(certificate.proof)
+        return " ".join(_proof(verdict))
     return " ".join([*verdict.unmet, *certificate.failures, *certificate.evidence])
+
+
+def _proof(verdict: SkillVerdict) -> tuple[str, ...]:
+    """Return what is proved of a skill, and of its motions from the start box, in sentences."""
+    proofs = (each.proof for each in (verdict.certificate, verdict.reach) if each is not None)
+    return tuple(sentence for proof in proofs for sentence in proof)
 
 
 def identity(verdict: SkillVerdict) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl simulate reach --picture reach.png
-  skillctl simulate reach --start 0.42,0,0.55 --target 0.6,0.1,0.5 --log reach.csv
+  skillctl simulate reach --start 0.4,0,0.5 --target 0.6,0,0.5 --log reach.csv
   skillctl simulate g-shape --plane yz --scale 5 --demo 0 --arm iiwa
   skillctl simulate reach --arm robots/mine.urdf --tip tool0 --check
-  skillctl simulate shelf --scene shelf --target cup --cup 0.62,-0.2 --picture grasp.png
-  skillctl simulate --scene shelf --target cup --move-target 1,0,0.08,0 --print-scenario > moved.toml
-  skillctl simulate shelf --scenario moved.toml --log moved.csv
-  skillctl simulate reach --episodes 50 --jobs 2 --table reach.csv --overview reach.png
+  skillctl simulate shelf --scene shelf --target cup --picture grasp.png
+  skillctl simulate --scene shelf --target cup --print-scenario > cup.toml
+  skillctl simulate shelf --scenario cup.toml --log cup.csv
+  skillctl simulate reach --episodes 50 --table reach.csv --overview reach.png
   skillctl simulate reach --episode 17 --video failure.gif
 
 Exit codes: 0 the hand reached the target, or lifted the cup, in at least --min-success of the episodes
@@ -48,7 +49,7 @@ class Watching:
     video: Path | None = option(
         metavar="F.gif|F.mp4",
         group=RESULT,
-        help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
+        help="Write a film, in real time. (.mp4 needs: pip install av.)",
     )
 
 
@@ -56,8 +57,8 @@ class Watching:
 class Counting:
     """Options of many episodes."""
 
-    min_success: float = option(
-        1.0, metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0."
+    min_success: float | None = option(
+        metavar="R", group=BATCH, help="Share of successes that is enough for exit code 0. Default: 1, all."
     )
     table: Path | None = option(metavar="F.csv", group=BATCH, help="Write one row per episode.")
     overview: Path | None = option(metavar="F.png", group=BATCH, help="Write all episodes in one picture.")
@@ -125,11 +126,15 @@ def simulate(
     if skill is None:
         raise UsageError("SKILL: is missing; name the skill to run.")
     if check:
+        many.refuse_for_check(watching, counting, work)
+        if episode is None and changes.episodes is not None:
+            raise UsageError("--episodes are runs; with --check nothing moves.", hint="Add --episode I.")
         from skillctl.usecases.check_reach import check_reach
 
         checked = check_reach(
             skill, chosen, demo=watching.demo, episode=episode, store=place.store, lock=place.lock
         )
+        words.explain(output, checked.reachability.notes)
         output.result(checked, lambda: reach.blocks(checked))
         done = checked.reachability.reachable
     elif episode is None and (chosen.episodes > 1 or changes.episodes is not None):
@@ -157,7 +162,7 @@ def _run_many(
             skill,
             scenario,
             workers=work.workers(),
-            min_success=counting.min_success,
+            min_success=1.0 if counting.min_success is None else counting.min_success,
             table=counting.table,
             overview=counting.overview,
             colour_by=counting.colour,
@@ -204,19 +209,20 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     """Return the report for people."""
     figures = report.metrics
     outcome = f"{report.outcome}: {report.detail}" if report.detail else report.outcome
-    placed = "" if report.plane is None else f", plane {report.plane}"
+    placed = f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}"
+    placed += "" if report.plane is None else f", plane {report.plane}"
     facts = [
         ("skill", report.skill),
         ("outcome", outcome),
-        ("arm", f"{report.arm}, hand {report.hand}"),
-        ("placed", f"scale {report.scale:g}, origin {words.point(report.origin, 'm')}{placed}"),
-        ("target", words.point(report.target, "m")),
-        ("final error", words.length(figures.final_error, "m")),
+        *words.arm(report.arm, report.hand if report.unit == "m" else None, report.tip, report.held),
+        *([("placed", placed)] if report.unit == "m" else []),
+        ("target", words.point(report.target, report.unit)),
+        ("final error", _length(figures.final_error, report.unit)),
         ("time to target", words.number(figures.time_to_target, "s")),
         ("tracking", _tracking(report)),
         ("off the ideal path", f"{words.length(figures.plan_deviation, 'm')} at most"),
         ("path length", f"{figures.path_ratio:.3f} of the ideal"),
-        ("joint margin", f"{figures.joint_margin:.2f} rad to the nearest limit"),
+        ("joint margin", f"{words.number(figures.joint_margin, 'rad')} to the nearest limit"),
         ("joint speed", f"{figures.velocity_ratio:.0%} of the limit at most"),
         ("joint torque", f"{figures.torque_ratio:.0%} of the limit at most"),
         ("inverse kinematics", _kinematics(report)),
@@ -228,19 +234,26 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     return [render.Facts(tuple(facts))]
 
 
+def _length(value: float, unit: str) -> str:
+    """Return a distance, and an angle in degrees, too."""
+    if unit != "rad" or not math.isfinite(value):
+        return words.length(value, unit)
+    return f"{words.number(value, 'rad')} ({math.degrees(value):.3g}°)"
+
+
 def _tracking(report: SimulateReport) -> str:
     """Return the distance of the hand to its reference, which a hand that yields does not have."""
     figures = report.metrics
     if report.scenario["control"] == "torque":
         return words.NONE
-    median, most = (words.length(d, "m") for d in (figures.tracking_median, figures.tracking_p95))
+    median, most = (_length(d, report.unit) for d in (figures.tracking_median, figures.tracking_p95))
     return f"{median} median, {most} at most in 95 % of the time"
 
 
 def _kinematics(report: SimulateReport) -> str:
-    """Return the error of inverse kinematics, which torque control does not need."""
+    """Return the error of inverse kinematics, which neither torque control nor a skill of joints needs."""
     figures = report.metrics
-    if report.scenario["control"] == "torque":
+    if report.scenario["control"] == "torque" or report.unit == "rad":
         return words.NONE
     return f"{words.length(figures.ik_residual, 'm')} off at most, {figures.ik_failures} failures"
 
@@ -248,8 +261,9 @@ def _kinematics(report: SimulateReport) -> str:
 def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:
     """Return the facts about scene and cup, if there are any."""
     figures, facts = report.metrics, []
-    if report.scenario["scene"] is not None:
-        clearance, kind = words.length(figures.clearance, "m"), report.scenario["scene"]["kind"]
+    if report.scenario["scene"] is not None or report.scenario["obstacles"]:
+        clearance, scene = words.length(figures.clearance, "m"), report.scenario["scene"]
+        kind = "scene" if report.scenario["obstacles"] else scene["kind"]
         facts.append(("clearance", f"{clearance} to the {kind} at least"))
         facts.append(("touched", ", ".join(figures.contacts) or "nothing"))
     if report.scenario["cup"] is not None:

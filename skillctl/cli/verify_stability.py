@@ -18,15 +18,17 @@ from skillctl.options import option
 from skillctl.stability.requirements import REQUIRED, Requirements
 
 if TYPE_CHECKING:
+    from skillctl.stability.reach import Reach
     from skillctl.usecases.verify_stability import SkillVerdict, VerifyReport
 
 EXAMPLES = """\b
 Example:
   skillctl verify-stability reach
-  skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
+  skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=all.xml
   skillctl verify-stability reach --plot proof.png
   skillctl verify-stability skills/*/*.h5 --jobs 4
-  skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
+  skillctl verify-stability reach --start-box 0.4:0.5,0,0.5 --stay-in :0.8,,0:
+  skillctl verify-stability *.h5 --format github --report sarif=all.sarif
 
 Exit codes: 0 the requirement is proved of every skill; 1 it is not proved of one, or one is not signed;
 3 it is open for one and refuted for none. If skills cannot be read, the largest of their codes counts
@@ -72,7 +74,8 @@ def verify_stability(
     """Prove, from the stored numbers alone, that skills reach their target from everywhere.
 
     Every skill is checked, even if another cannot be read. Rates are proved lower bounds in 1/s. The period
-    is the longest at which a controller may step; it is proved, too.
+    is the longest at which a controller may step; it is proved, too. With a start box, it is also proved
+    where undisturbed motions from it can go, and by when they have arrived.
     """
     from skillctl.plotting.formats import require_few, require_picture
     from skillctl.store import read_public_key
@@ -125,7 +128,46 @@ def blocks(report: VerifyReport) -> list[render.Block]:
     if not _asked(report):  # the verdict is about exactly what is required
         for row in (headings, *rows):
             del row[2]
-    return [render.Table(tuple(headings), tuple(map(tuple, rows))), *_explanations(report)]
+    bounds = [
+        block
+        for verdict in report.skills
+        if verdict.reach is not None
+        for block in _bounds(verdict.skill, verdict.reach, report.required)
+    ]
+    return [render.Table(tuple(headings), tuple(map(tuple, rows))), *bounds, *_explanations(report)]
+
+
+def _bounds(name: str, reach: Reach, required: Requirements) -> tuple[render.Block, ...]:
+    """Return where motions from the start box go, proved and sampled, and when they arrive."""
+    from skillctl.stability.report import at_least, at_most
+
+    measured = reach.measured
+    columns = {
+        name: reach.names,
+        "starts": map(_range, reach.start_low, reach.start_high),
+        "never leaves": [
+            f"{at_least(low)} … {at_most(high)}" for low, high in zip(reach.low, reach.high, strict=True)
+        ],
+        "sampled": map(_range, measured.low, measured.high),
+    }
+    if required.stay_in is not None:
+        columns["must stay in"] = [_range(*ends) for ends in required.stay_in]
+    seen = f"{measured.arrived} of {measured.starts} sampled motions"
+    times = "" if measured.arrival is None else f" after {measured.arrival:.3g} s"
+    bound = "–" if reach.arrival is None else f"{at_most(reach.arrival)} s"
+    facts = (
+        ("holds", "without disturbances, and between samples, too"),
+        (
+            "arrives at the latest",
+            f"after {bound}, at every controller period up to {at_least(reach.period)} s",
+        ),
+        ("sampled", f"{seen} arrived{times}"),
+    )
+    return render.Table(tuple(columns), tuple(zip(*columns.values(), strict=True))), render.Facts(facts)
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low:.3g} … {high:.3g}"
 
 
 def _rows(verdict: SkillVerdict) -> list[list[str]]:
@@ -161,5 +203,6 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than usual."""
-    required = report.required
-    return required != type(required)()
+    return replace(report.required, start_box=None, stay_in=None) != Requirements() or bool(
+        report.required.stay_in
+    )

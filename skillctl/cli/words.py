@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skillctl.cli.render import Table, table
+from skillctl.simulation.arms import ARMS
 
 if TYPE_CHECKING:
     from skillctl.adapt.together import Refit
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart
+MEANINGS = {  # of figures that are shown without a word about them
+    "DTW": "how far the motion is from the demonstration on average, compared along their paths.",
+    "rate": "proved: the distance to the target, measured by V, shrinks at least as exp(-rate · time).",
+    "period": "proved: a controller that gives commands at least this often still converges.",
+}
 
 
 def length(value: float | None, unit: str) -> str:
@@ -55,6 +61,18 @@ def near(path: Path) -> str:
 def yes_no(value: bool | None) -> str:
     """Return ``yes``, ``no``, or a dash for what is not known."""
     return NONE if value is None else ("yes" if value else "no")
+
+
+def arm(
+    name: str, hand: str | None, tip: str | None, held: Mapping[str, float] | None
+) -> list[tuple[str, str]]:
+    """Return the facts about an arm; for one by file also its tip, and the joints that do not move."""
+    parts = [name, *([] if hand is None else [f"hand {hand}"])]
+    parts += [] if tip is None or name in ARMS else [f"tip {tip}"]
+    facts = [("arm", ", ".join(parts))]
+    if held:
+        facts.append(("held joints", ", ".join(f"{joint} at {place:.4g}" for joint, place in held.items())))
+    return facts
 
 
 def maker(command: str, tool: str) -> str:

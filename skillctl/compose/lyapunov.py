@@ -77,12 +77,16 @@ def common_lyapunov(
 def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatArray | None:
     """Return the P that all parts share already, else one found for all their components, or None.
 
+    Parts in different coordinates have none.
+
     Args:
         parts: In one state space.
         period: Δt at which a P that has to be found shall prove steps, too, [s].
     """
     leaves = [leaf for part in parts for leaf in part.leaves]
     first = leaves[0]
+    if any(leaf.coordinates != first.coordinates for leaf in leaves):
+        return None
     if all(leaf.form == first.form for leaf in leaves):
         return first.lyapunov
     acting = [(skill.outer_speed, part) for skill in parts for part in skill.acting_parts]
@@ -91,8 +95,13 @@ def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatA
 
 
 def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
-    """Return the indices of one part, else a pair, else all parts that have no common P; empty if none."""
+    """Return the indices of one part, else a pair, else all parts that have no common P; empty if none.
+
+    P in different coordinates have nothing in common: that of other parts is not looked for.
+    """
     indices = range(len(parts))
+    if len({leaf.coordinates for part in parts for leaf in part.leaves}) > 1:
+        return tuple(indices)
     for size in (1, 2, len(parts)):
         for group in combinations(indices, size):
             matrices = np.concatenate([leaf.system_matrices for i in group for leaf in parts[i].leaves])

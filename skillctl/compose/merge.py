@@ -20,19 +20,23 @@ class NoCommonLyapunovError(FitError):
     """No common P is known for the parts, so that nothing would be proved of their mixture.
 
     Attributes:
-        parts: Indices of parts that have no common P; empty if all have one that was not given.
+        parts: Indices of parts that have no common P; empty if all have one that was not given, or measure
+            distance in different coordinates.
     """
 
-    def __init__(self, parts: tuple[int, ...]) -> None:
+    def __init__(self, parts: tuple[int, ...], *, bent: bool = False) -> None:
         self.parts = parts
         names = " and ".join(str(i + 1) for i in parts)
-        if parts:
+        if bent:
+            reason = "the skills were learned in different coordinates"
+        elif parts:
             reason = f"skill{'s' if len(parts) > 1 else ''} {names} admit no common Lyapunov matrix"
         else:
             reason = "the skills were learned with different Lyapunov matrices"
         super().__init__(
             f"merge: {reason}; nothing would be proved of the result.",
-            hint="Refit them under one common metric, or learn all of them with --metric euclidean.",
+            hint="Refit them under one common metric, or learn all of them with --metric euclidean "
+            "--coordinates identity.",
         )
 
 
@@ -63,7 +67,7 @@ def merge(
 
     Raises:
         UsageError: Fewer than two parts, a combined skill, different spaces, or options out of range.
-        NoCommonLyapunovError: No P is given and the parts have different ones.
+        NoCommonLyapunovError: No P is given and the parts have different ones, or different coordinates.
 
     References:
         Section 3.1 of the paper; theory page, merge.
@@ -81,10 +85,12 @@ def common_members(parts: Sequence[Skill], lyapunov: FloatArray | None) -> tuple
 
     Raises:
         UsageError: Fewer than two parts, a combined skill, or different spaces.
-        NoCommonLyapunovError: No P is given and the parts have different ones.
+        NoCommonLyapunovError: No P is given and the parts have different ones, or different coordinates.
     """
     require_compatible(parts, "merge")
     members = tuple(_mergeable(number, part) for number, part in enumerate(parts, start=1))
+    if any(part.coordinates != members[0].coordinates for part in members):
+        raise NoCommonLyapunovError((), bent=True)
     if lyapunov is not None:
         return tuple(with_lyapunov(part, lyapunov) for part in members)
     if any(part.form != members[0].form for part in members):

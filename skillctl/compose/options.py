@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
-from skillctl.options import MOTION, Named, Option, option, read_numbers
+from skillctl.options import MOTION, Named, Option, option, read_numbers, read_point
 
 if TYPE_CHECKING:
     from skillctl.arrays import FloatArray
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def _target() -> Any:
     return option(
-        read=read_numbers,
+        read=read_point,
         metavar="X,Y,Z",
         group=MOTION,
         help="Where the motion ends, in the unit of the skill.",

@@ -1,9 +1,11 @@
-"""NPZ archives of NumPy arrays, read without ever unpickling."""
+"""NumPy's files: NPZ archives of arrays, and single NPY arrays, read without ever unpickling."""
 
 from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,14 +13,20 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
+from skillctl.demonstrations.clock import unit_of
+from skillctl.demonstrations.columns import Column
 from skillctl.demonstrations.files import MAX_BYTES, File, damaged
-from skillctl.demonstrations.recording import Recording, listed, uniform_times
-from skillctl.errors import InputDataError, printable
+from skillctl.demonstrations.recording import Recording, is_even, listed, uniform_times
+from skillctl.errors import InputDataError, UsageError, printable
+from skillctl.model.space import AXIS_NAMES
 
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 
+MAGIC = b"\x93NUMPY"
 RESERVED = ("positions", "velocities", "times", "dt")
 NUMERIC = "fiu"  # kinds of dtype: float, signed and unsigned integer
+AXES = ("demo", "time", "dim")
+UNIT = 0.01  # a unit quaternion, written with two decimals or more, is this close to length one
 LAYOUTS = (
     "Save positions (T, d) or (D, T, d) with times or dt; or arrays demo_0, demo_1 ... (T, d) with dt or "
     "demo_0_times ..."
@@ -26,30 +34,36 @@ LAYOUTS = (
 
 
 def recognises(file: File) -> bool:
-    """Return whether the content is a ZIP archive, as NumPy archives are."""
-    return file.content.startswith(b"PK\x03\x04")
+    """Return whether the content is an array of NumPy or a ZIP archive, as archives of them are."""
+    return file.content.startswith((b"PK\x03\x04", MAGIC))
 
 
 def read(file: File) -> list[Recording]:
-    """Return the demonstrations of an NPZ archive, in one of three layouts.
+    """Return the demonstrations of an NPZ archive, in one of three layouts, or of an NPY array.
 
     - ``positions`` (T, d): one demonstration; optional ``velocities`` (T, d), ``times`` (T,);
     - ``positions`` (D, T, d): D of them; optional ``velocities`` (D, T, d), ``times`` (T,) or (D, T);
-    - one array (T, d) of any name, or several whose names end in a number (``demo_3``): one demonstration
-      each, in their order; optional ``<name>_times`` (T,).
+    - one array (T, d) or (D, T, d) of any name, or several whose names end in a number (``demo_3``): one
+      demonstration each, in their order; optional ``<name>_times`` (T,). An NPY file is one array. Arrays
+      that are velocities, orientations, forces or grippers by their names are left aside.
 
-    In all of them a scalar ``dt`` [s] may replace the times.
+    Without ``times``, an array with the name of a time is one, ``t`` or ``stamp_ns``, if its size fits.
+
+    In all of them a scalar ``dt`` [s] may replace the times. Axes in another order are recognised by their
+    sizes, unless ``file.axes`` says the order; and of columns, a time and a unit quaternion by their values.
 
     Raises:
         InputDataError: The archive is damaged, pickled, too large, or of another layout.
+        UsageError: The axes that the user gives are none.
     """
     arrays = _arrays(file.content, file.path)
-    dt = _step(arrays, file.path)
-    return (_stacked if "positions" in arrays else _named)(arrays, dt, file.path)
+    return (_stacked if "positions" in arrays else _named)(arrays, _step(arrays, file.path), file)
 
 
 def _arrays(content: bytes, path: Path) -> Arrays:
     try:
+        if content.startswith(MAGIC):
+            return {"": np.asarray(np.load(io.BytesIO(content), allow_pickle=False))}
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
             office = "[Content_Types].xml" in archive.namelist()
@@ -65,56 +79,158 @@ def _arrays(content: bytes, path: Path) -> Arrays:
                 f"{path}: holds pickled Python objects, which could run code and are never read.",
                 hint=LAYOUTS,
             ) from error
-        raise damaged(path, "NPZ archive", str(error) or type(error).__name__) from error
-
-
-def _stacked(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
-    """Return the demonstrations of an archive with an array ``positions``."""
-    positions = _numbers(arrays, "positions", path)
-    velocities = _numbers(arrays, "velocities", path) if "velocities" in arrays else None
-    if positions.ndim not in (2, 3) or (velocities is not None and velocities.shape != positions.shape):
-        raise _unknown_layout(arrays, path)
-    shape = positions.shape if positions.ndim == 3 else (1, *positions.shape)
-    times = _times(arrays, "times", dt, (shape[1:2], shape[:2]), path)
-    return [
-        Recording(
+        raise damaged(
             path,
-            positions.reshape(shape)[i],
-            times=None if times is None else np.broadcast_to(times, shape[:2])[i],
-            velocities=None if velocities is None else velocities.reshape(shape)[i],
-            part=f"demonstration {i}" if positions.ndim == 3 else "",
-            unused=tuple(name for name in arrays if name not in RESERVED),
-        )
-        for i in range(shape[0])
-    ]
+            "NPY array" if content.startswith(MAGIC) else "NPZ archive",
+            str(error) or type(error).__name__,
+        ) from error
 
 
-def _named(arrays: Arrays, dt: float | None, path: Path) -> list[Recording]:
-    """Return the demonstrations of an archive with one array (T, d) each."""
-    names = [name for name, array in arrays.items() if array.ndim == 2 and array.dtype.kind in NUMERIC]
+def _stacked(arrays: Arrays, dt: float | None, file: File) -> list[Recording]:
+    """Return the demonstrations of an archive with an array ``positions``."""
+    unused = tuple(name for name in arrays if name not in RESERVED)
+    return _recordings(arrays, ("positions", "velocities", "times"), dt, file, unused)
+
+
+def _named(arrays: Arrays, dt: float | None, file: File) -> list[Recording]:
+    """Return the demonstrations of an archive with one array each, or with one of all."""
+    names = [name for name, array in arrays.items() if array.ndim in (2, 3) and array.dtype.kind in NUMERIC]
+    names = [name for name in names if len(names) == 1 or Column(name).role.name in ("", "joint")]
     used = {"dt", *names, *(f"{name}_times" for name in names)}
     unused = tuple(name for name in arrays if name not in used)
     if not names or (len(names) > 1 and not all(name[-1:].isdigit() for name in names)):
-        raise _unknown_layout(arrays, path)  # pos and vel are not two demonstrations
-    recordings = []
-    for name in names:
-        positions = _numbers(arrays, name, path)
-        times = _times(arrays, f"{name}_times", dt, (positions.shape[:1],), path)
-        part = f"array {printable(name)[:40]}"
-        recordings.append(Recording(path, positions, times=times, part=part, unused=unused))
-    return recordings
+        raise _unknown_layout(arrays, file.path)  # pos and vel are not two demonstrations
+    return [
+        recording
+        for name in names
+        for recording in _recordings(arrays, (name, "", f"{name}_times"), dt, file, unused)
+    ]
 
 
-def _times(
-    arrays: Arrays, name: str, dt: float | None, shapes: tuple[tuple[int, ...], ...], path: Path
-) -> FloatArray | None:
-    """Return the times in an array of one of these shapes, those that follow from dt, or None."""
-    if name not in arrays:
-        return None if dt is None else uniform_times(dt, *shapes[0])
-    times = _numbers(arrays, name, path)
-    if times.shape not in shapes:
+def _recordings(
+    arrays: Arrays, keys: tuple[str, str, str], dt: float | None, file: File, unused: tuple[str, ...]
+) -> list[Recording]:
+    """Return the demonstrations in an array; the keys are its own and those of its velocities and times."""
+    key, path = keys[0], file.path
+    positions = _numbers(arrays, key, path)
+    velocities = _numbers(arrays, keys[1], path) if keys[1] and keys[1] in arrays else None
+    if (
+        positions.ndim not in (2, 3)
+        or not positions.size
+        or (velocities is not None and velocities.shape != positions.shape)
+    ):
         raise _unknown_layout(arrays, path)
-    return times
+    clock = keys[2] if keys[2] in arrays else _clock(arrays, positions.shape)
+    times = None if clock is None else _numbers(arrays, clock, path)
+    samples = None if times is None else times.shape[-1:]
+    if samples and samples[0] not in positions.shape:
+        raise _unknown_layout(arrays, path)
+    order, notes = _order(positions.shape, samples, file)
+    shape = tuple(positions.shape[axis] for axis in order)
+    shape = shape if len(shape) == 3 else (1, *shape)
+    if times is not None and times.shape not in (shape[1:2], shape[:2]):
+        raise _unknown_layout(arrays, path)
+    if times is None:
+        times = None if dt is None else uniform_times(dt, shape[1])
+    else:
+        times = times / (Column(clock or "").unit or unit_of(float(times.flat[0]))).per_base
+    inner = "" if key in RESERVED or not key else f"array {printable(key)[:40]}"
+    recordings = []
+    for i in range(shape[0]):
+        outer = f"demonstration {i}" if positions.ndim == 3 else ""
+        recordings.append(
+            Recording(
+                path,
+                positions.transpose(order).reshape(shape)[i],
+                times=None if times is None else np.broadcast_to(times, shape[:2])[i],
+                velocities=None if velocities is None else velocities.transpose(order).reshape(shape)[i],
+                part=", ".join(filter(None, (inner, outer))),
+                unused=tuple(name for name in unused if name != clock),
+                notes=notes,
+            )
+        )
+    return _without_clock_and_quaternion(recordings)
+
+
+def _clock(arrays: Arrays, shape: tuple[int, ...]) -> str | None:
+    """Return the name of an array that is the times of one with this shape, by its name and size, or None."""
+    sizes = {(size,) for size in shape}
+    fitting = [name for name, array in arrays.items() if array.shape in sizes and array.dtype.kind in NUMERIC]
+    return next((name for name in fitting if name and Column(name).role.name == "time"), None)
+
+
+def _order(
+    shape: tuple[int, ...], samples: tuple[int, ...] | None, file: File
+) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Return which axis of an array is demo (if there are three), time and dim, and notes about it.
+
+    Args:
+        shape: Of the array.
+        samples: The number of samples, if it is known, as a tuple of one.
+        file: The user may say the axes, and how many dimensions there are at most.
+
+    Raises:
+        InputDataError: The sizes fit no order, or several.
+        UsageError: The axes that the user gives are none.
+    """
+    names = AXES[-len(shape) :]
+    if file.axes is not None:
+        if sorted(file.axes) != sorted(names):
+            raise UsageError(
+                f"axes: {','.join(file.axes)} are not {','.join(names)}, in any order.",
+                hint=f"The array of {file.path} has {len(shape)} axes, of sizes {shape}.",
+            )
+        return tuple(file.axes.index(name) for name in names), ()
+
+    def fits(order: tuple[int, ...]) -> bool:
+        # One column more than dimensions: the time may stand before them.
+        *_, time, dim = (shape[axis] for axis in order)
+        longest = samples is not None or len(shape) == 2 or time == max(shape)
+        return dim <= file.max_dimension + 1 and longest and samples in (None, (time,))
+
+    usual = tuple(range(len(shape)))
+    orders = [usual] if fits(usual) else [order for order in permutations(usual) if fits(order)]
+    if not orders:
+        raise InputDataError(
+            f"{file.path}: none of its axes {shape} has at most {file.max_dimension} dimensions.",
+            hint=f"Choose some with --axes {','.join(names)} --columns q1,q2,…; or see --max-dimension.",
+        )
+    if len(orders) > 1:
+        raise InputDataError(
+            f"{file.path}: the sizes {shape} of its axes do not tell which are {', '.join(names)}.",
+            hint=f"Say it with --axes, as in --axes {','.join(names)}.",
+        )
+    found = ",".join(names[orders[0].index(axis)] for axis in usual)
+    note = (f"the axes are read as {found}, by their sizes {shape}; --axes says otherwise.",)
+    return orders[0], () if orders[0] == usual else note
+
+
+def _without_clock_and_quaternion(recordings: list[Recording]) -> list[Recording]:
+    """Return recordings without columns that are no coordinates, by their values, with notes about them.
+
+    A first column that rises evenly is the time. Four columns behind three that are unit quaternions are an
+    orientation.
+    """
+    values = np.concatenate([recording.positions for recording in recordings])
+    clock = recordings[0].times is None and values.shape[1] > 1
+    clock = clock and all(is_even(recording.positions[:, 0]) for recording in recordings)
+    first, rest = int(clock), values.shape[1] - int(clock)
+    quaternion = rest == 7 and bool((np.abs(np.linalg.norm(values[:, -4:], axis=1) - 1) < UNIT).all())
+    if not (clock or quaternion):
+        return recordings
+    notes = ["column 0 rises evenly and is read as the time."] * clock
+    notes += [f"columns {first + 3} to {first + 6} are unit quaternions and left aside."] * quaternion
+    kept = slice(first, first + (len(AXIS_NAMES) if quaternion else rest))
+    return [
+        replace(
+            recording,
+            positions=recording.positions[:, kept],
+            times=recording.positions[:, 0] if clock else recording.times,
+            velocities=None if recording.velocities is None else recording.velocities[:, kept],
+            notes=(*recording.notes, *notes),
+        )
+        for recording in recordings
+    ]
 
 
 def _step(arrays: Arrays, path: Path) -> float | None:

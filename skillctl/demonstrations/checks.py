@@ -9,6 +9,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
+from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError
 from skillctl.geometry import segment_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
@@ -22,6 +23,7 @@ SPIKE = 10.0  # a step this many times longer than the median one is a jump
 SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
 SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
 EXTENTS = (0.005, 10.0)  # [m]; extents that motions of an arm have
+REACH = 2.0  # [m] of most arms
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
             "there is no motion to learn.",
             hint="Check that the recording is whole and the position columns are right, or leave it out.",
         )
-    per_unit = 1000.0 if recording.unit == "mm" else 1.0
+    per_unit = UNITS[recording.unit].per_base
     times, positions = times - times[0], positions * scale / per_unit
     if recording.velocities is None:
         demonstration = Demonstration.from_positions(times, positions, recording.source)
@@ -142,7 +144,11 @@ def _shape_notes(demonstrations: DemonstrationSet) -> list[str]:
             "extent of the motion; are they demonstrations of one motion to one target?"
         )
     if unit == "m" and extent > EXTENTS[1]:
-        notes.append(f"the motion extends over {extent:.3g} m; if these are millimetres, use --units mm.")
+        likely = [name for name in ("cm", "mm") if extent < REACH * UNITS[name].per_base]
+        notes.append(
+            f"the motion extends over {extent:.3g} m; if it does not, say the unit, as in --units "
+            f"{' or --units '.join(likely or ['mm'])}."
+        )
     if unit == "m" and extent < EXTENTS[0]:
         notes.append(f"the motion extends over {extent:.3g} m only; check --units and --scale.")
     return notes
@@ -180,7 +186,8 @@ def _stamps(recording: Recording, dt: float | None) -> tuple[FloatArray, float]:
     if dt is None:
         raise InputDataError(
             f"{recording.label}: it has no times.",
-            hint="Give the sampling period with --dt SECONDS, or name a column t or time.",
+            hint="Give the sampling period with --dt SECONDS, or say which column is the time, as in "
+            "--columns t=NAME.",
         )
     return uniform_times(dt, len(recording.positions)), estimated
 

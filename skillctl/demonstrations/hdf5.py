@@ -1,6 +1,6 @@
 """Read HDF5 files of unknown origin: only numbers that are stored in the file itself.
 
-This module runs only in a child process, see ``files.File.parsed``. Every link is checked before it is
+This module runs only in a child process, see ``files.File.opened``. Every link is checked before it is
 followed, and every dataset before it is read.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from math import prod
 from typing import Any
 
@@ -26,9 +25,9 @@ HINT = "Copy what you need into a file of its own, with h5repack or h5py."
 
 
 @contextmanager
-def root_of(content: bytes) -> Iterator[Any]:
+def root_of(path: str) -> Iterator[Any]:
     """Yield the root group of a file while it is open."""
-    with h5py.File(BytesIO(content), "r") as file:
+    with h5py.File(path, "r", locking=False) as file:
         yield h5g.open(file.id, b"/")
 
 
@@ -54,8 +53,8 @@ def subgroup(group: Any, name: str) -> Any | None:
     return _opened(group, name, h5o.TYPE_GROUP)
 
 
-def matrix(group: Any, name: str) -> Any | None:
-    """Return a dataset in a group, unread: a matrix of numbers; or None if there is none of that name.
+def array(group: Any, name: str) -> Any | None:
+    """Return a dataset in a group, unread: an array of numbers; or None if there is none of that name.
 
     Raises:
         InputDataError: A link that may lead elsewhere, or a dataset whose data lie elsewhere.
@@ -66,8 +65,7 @@ def matrix(group: Any, name: str) -> Any | None:
     created = dataset.get_create_plist()
     if created.get_external_count() or created.get_layout() == h5d.VIRTUAL:
         raise InputDataError(f"{_named(dataset)}: its data would come from other files.", hint=HINT)
-    numeric = dataset.get_type().get_class() in (h5t.FLOAT, h5t.INTEGER)
-    return dataset if numeric and len(dataset.shape) == 2 else None
+    return dataset if dataset.get_type().get_class() in (h5t.FLOAT, h5t.INTEGER) else None
 
 
 def require_small(datasets: Iterable[Any]) -> None:

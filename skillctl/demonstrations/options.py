@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
 
 if TYPE_CHECKING:
+    from skillctl.demonstrations.arm import RecordedArm
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
@@ -27,17 +28,24 @@ class Reading:
     )
     columns: tuple[str, ...] | None = option(
         read=read_words,
-        metavar="X,Y,Z",
+        metavar="X,Y,Z|NEW=OLD,…",
         group=READING,
-        help="Columns that hold the position, a joint of a skeleton such as HandRight, or an observation "
-        "of a robomimic dataset. Default: x, y, z, else all columns but the time; of robomimic, "
-        "robot0_eef_pos.",
+        help="Columns that hold the position, a joint of a skeleton such as HandRight, or vectors and "
+        "numbers of a dataset, as in ee_pos or 'left_*'; x=hand_x renames one, t=clock says which is the "
+        "time. Default: x, y, z of the one thing that moves, else joint angles, else columns of other names.",
+    )
+    topic: str | None = option(
+        metavar="TOPIC",
+        group=READING,
+        help="Topic of a bag; of transforms with the frame that moves: /tf:tool0. Default: the only one.",
     )
     dt: float | None = option(
         metavar="S", group=READING, help="Seconds between samples, if the file has no time."
     )
-    units: Literal["m", "mm", "rad"] | None = option(
-        group=READING, help="Unit of the positions. Default: the format's own, else m."
+    units: Literal["mm", "cm", "m", "deg", "rad"] | None = option(
+        group=READING,
+        help="Unit of the positions, or of joint angles. Default: what the header says, as in x_mm or "
+        "j1 (deg), else the format's own, else m.",
     )
     scale: float = option(1.0, metavar="F", group=READING, help="Multiply all positions.")
     demos: tuple[int, ...] | None = option(
@@ -46,12 +54,33 @@ class Reading:
         group=READING,
         help="Use these demonstrations only, counted from 0 over all files.",
     )
+    axes: tuple[str, ...] | None = option(
+        read=read_words,
+        metavar="demo,time,dim",
+        group=READING,
+        help="What the axes of NPY and NPZ arrays are, in their order. Default: demo,time,dim or time,dim, "
+        "unless the sizes tell that it is another order.",
+    )
+    max_dimension: int = option(
+        7, metavar="N", group=READING, help="Refuse motions of more dimensions; an arm has seven joints."
+    )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
 
-    def read(self, paths: Sequence[Path]) -> ReadResult:
-        """Return the demonstrations in the files."""
+    def recorded(self) -> dict[str, Any]:
+        """Return the choices that decide what is read, by their names.
+
+        A bound only refuses; and skills made before there were axes and topics to choose stay up to date
+        without them.
+        """
+        later = ("axes", "topic")
+        chosen = {name: value for name, value in vars(self).items() if value is not None or name not in later}
+        del chosen["max_dimension"]
+        return chosen
+
+    def read(self, paths: Sequence[Path], *, arm: RecordedArm | None = None) -> ReadResult:
+        """Return the demonstrations in the files, of the hand if they are joints of an arm."""
         from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
 
-        return read_demonstrations(paths, **vars(self))
+        return read_demonstrations(paths, arm=arm, **vars(self))

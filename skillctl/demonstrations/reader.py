@@ -8,14 +8,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skillctl.demonstrations.checks import prepare, set_notes
-from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
-from skillctl.demonstrations.formats import format_of, named
-from skillctl.demonstrations.recording import Recording, Unit, column_indices, listed
-from skillctl.errors import InputDataError, UsageError
+import numpy as np
+
+from skillctl.demonstrations.arm import RecordedArm
+from skillctl.demonstrations.checks import Findings, prepare, set_notes
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
+from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
+from skillctl.demonstrations.recording import Recording, column_indices, listed
+from skillctl.demonstrations.units import UNITS
+from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
+from skillctl.workers.limits import Limits
+
+DAY = 86400.0  # [s]
+TURN = 6.6  # [rad]; angles of joints are smaller than a turn, unless they are degrees
+
+BYTES_PER_SECOND = 10**8  # that a parser reads at least: a disk may be slow, and a bag compressed
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +58,14 @@ def read_demonstrations(
     input_format: str | None = None,
     columns: Sequence[str] | None = None,
     dt: float | None = None,
-    units: Unit | None = None,
+    units: str | None = None,
     scale: float = 1.0,
     demos: Sequence[int] | None = None,
+    axes: Sequence[str] | None = None,
+    max_dimension: int = 7,
     frame: str = "base",
+    topic: str | None = None,
+    arm: RecordedArm | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
 
@@ -61,16 +75,21 @@ def read_demonstrations(
         paths: Files of any of ``FORMATS``.
         input_format: Name of a format: read every file as this one instead of looking at its content.
         columns: Names of the position columns, in this order: of a table's columns or a skeleton's joints, of
-            a robomimic dataset's observations; x, y, z (or q1 …) in formats without names.
+            a robomimic dataset's observations; x, y, z (or q1 …) in formats without names. ``new=old``
+            renames one; a new name of a time, such as ``t_ms``, makes it the time.
         dt: Sampling period of files that say nothing about time, [s].
-        units: Unit of the positions. By default the format's: millimetres for LASA, metres otherwise.
-            ``rad`` makes it a joint space.
+        units: Unit of the positions. By default what the file says, else the format's: millimetres for LASA,
+            metres otherwise. ``rad`` and ``deg`` make it a joint space.
         scale: Factor on all positions and velocities, after the conversion to metres.
         demos: Which demonstrations to take, counted from 0 over all files; the others are not checked.
+        axes: What the axes of arrays are: demo, time and dim, in their order.
+        max_dimension: Motions of more dimensions are refused.
         frame: Frame in which the positions are given; it is only recorded.
+        topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
+        arm: The arm whose joints the files hold; the demonstrations are those of its hand.
 
     Raises:
-        NotFoundError: There is no such file.
+        NotFoundError: There is no such file, or the package that reads it is not installed.
         InputDataError: A file is unusable; the message gives file and place.
         UsageError: Options are out of range, or select a demonstration that does not exist.
     """
@@ -78,19 +97,50 @@ def read_demonstrations(
     _require_positive(dt=dt, scale=scale)
     recordings: list[Recording] = []
     sources = []
-    with Child(LIMITS, NO_PLUGINS) as child:
+    old, renamed = _renamed(columns)
+    most = max_dimension if arm is None else max(max_dimension, len(arm.joints))
+    with Child(_limits(paths), NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), columns, child)
-            form = format_of(file) if forced is None else forced
-            recordings += [_as_asked(recording, columns, units) for recording in form.read(file)]
-            sources.append(InputFile(path, hashlib.sha256(file.content).hexdigest(), form.name))
+            file = File(path, read_bytes(path), old, child, renamed, axes, most, topic)
+            form, sha256 = format_of(file, forced), _sha256(file)
+            recordings += [_as_asked(recording, file, units) for recording in form.read(file)]
+            sources.append(InputFile(path, sha256, form.name))
+    if topic is not None and all(source.importer != "bag" for source in sources):
+        raise UsageError("topic: none of the files is a bag, and only bags have topics.")
     selection = _selected(recordings, demos)
-    names = _names(selection)
+    if arm is not None:
+        selection = [arm.hand_of(recording) for recording in selection]
+    names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
-    space = Euclidean(names, unit="rad" if units == "rad" else "m", frame=frame)
+    _require_short([found for _, found in prepared])
+    space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
     return ReadResult(demonstrations, tuple(sources), tuple(notes))
+
+
+def _limits(paths: Sequence[Path]) -> Limits:
+    """Return the limits for parsing any of the files: a large one takes longer."""
+    largest = max((size_of(Path(path)) for path in paths), default=0)
+    return replace(LIMITS, seconds=LIMITS.seconds + largest // BYTES_PER_SECOND)
+
+
+def _sha256(file: File) -> str:
+    """Return the SHA-256 of a file, before a parser opens it: what changes later is seen to have changed."""
+    if file.path.is_dir() or file.content.startswith(OPENED):
+        return digest_of(file.path)
+    return hashlib.sha256(file.content).hexdigest()
+
+
+def _require_short(findings: Sequence[Findings]) -> None:
+    """Raise InputDataError if a recording lasts longer than a day: no motion does."""
+    longest = max(findings, key=lambda found: found.duration)
+    if longest.duration > DAY:
+        unit = next((u for u in ("ms", "us") if longest.duration < DAY / 100 * UNITS[u].per_base), "ns")
+        raise InputDataError(
+            f"{longest.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
+            hint=f"Say their unit in the header or with --columns, as in t_{unit} or --columns t_{unit}=t.",
+        )
 
 
 def _require_positive(**numbers: float | None) -> None:
@@ -99,19 +149,54 @@ def _require_positive(**numbers: float | None) -> None:
             raise UsageError(f"{name}: must be a positive number, got {value!r}.")
 
 
-def _as_asked(recording: Recording, columns: Sequence[str] | None, units: Unit | None) -> Recording:
-    """Return the recording with the unit that the user gives and, in formats without names, the columns."""
-    unit = units or recording.unit
+def _renamed(columns: Sequence[str] | None) -> tuple[list[str] | None, dict[str, str]]:
+    """Return the names of columns in the files, and new names by these; ``new=old`` gives one.
+
+    Raises:
+        UsageError: One of them is empty.
+    """
+    if columns is None:
+        return None, {}
+    pairs = [(new.strip(), old.strip()) for new, _, old in (name.rpartition("=")[::1] for name in columns)]
+    if any("=" in name and not (new and old) for name, (new, old) in zip(columns, pairs, strict=True)):
+        raise UsageError("columns: NEW=OLD needs both names.", hint="As in --columns x=hand_x,y=hand_y.")
+    return [old for _, old in pairs], {old: new for new, old in pairs if new}
+
+
+def _as_asked(recording: Recording, file: File, units: str | None) -> Recording:
+    """Return the recording with the unit that the user gives and, in formats without names, the columns.
+
+    Raises:
+        InputDataError: The file says another unit, or one that needs the user's.
+    """
+    if units is None and recording.base == "px":
+        raise InputDataError(
+            f"{recording.path}: its positions are in pixels.",
+            hint="Say how large one is: --units m --scale METRES_PER_PIXEL.",
+        )
+    if units not in (None, recording.unit) and recording.unit_said and recording.base != "px":
+        raise InputDataError(
+            f"{recording.path}: its positions are in {recording.unit}, and --units says {units}.",
+            hint="Leave out --units, or correct the header.",
+        )
+    if units is None and recording.base == "rad" and not recording.unit_said:
+        farthest = float(np.nan_to_num(np.abs(recording.positions)).max(initial=0.0))
+        if farthest > TURN:
+            raise InputDataError(
+                f"{recording.label}: joint angles up to {farthest:.4g}; are they degrees?",
+                hint="Say it with --units deg, or --units rad.",
+            )
+    recording = replace(recording, unit=units or recording.unit)
+    columns = file.columns
     if columns is None or recording.names is not None:
-        return replace(recording, unit=unit)
-    names = default_names(recording.positions.shape[1], unit)
+        return recording
+    names = default_names(recording.positions.shape[1], recording.base)
     indices = list(column_indices(columns, names, recording.path))
     return replace(
         recording,
-        unit=unit,
         positions=recording.positions[:, indices],
         velocities=None if recording.velocities is None else recording.velocities[:, indices],
-        names=tuple(columns),
+        names=tuple(file.renamed.get(name, name) for name in columns),
     )
 
 
@@ -127,19 +212,35 @@ def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[
     return [recordings[index] for index in dict.fromkeys(demos)]
 
 
-def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
+def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:
     """Return the names that all recordings share.
 
     Raises:
-        InputDataError: Dimensions or names differ between files.
+        InputDataError: Dimensions, names, frames or kinds of units differ, or there are too many.
     """
     named = next((r for r in recordings if r.names is not None), recordings[0] if recordings else None)
     if named is None:
         raise InputDataError("no demonstrations.", hint="Name at least one demonstration file.")
     dimension = named.positions.shape[1]
-    names = named.names or default_names(dimension, named.unit)
+    names = named.names or default_names(dimension, named.base)
+    if dimension > most:
+        raise InputDataError(
+            f"{named.label}: {dimension} dimensions; a motion has at most {most}.",
+            hint=f"Choose some with --columns. With --max-dimension {dimension} learning may take very long.",
+        )
     for recording in recordings:
         width = recording.positions.shape[1]
+        if recording.base != named.base:
+            raise InputDataError(
+                f"{recording.label}: in {recording.unit}, but {named.label} is in {named.unit}.",
+                hint="Positions and joint angles make no skill together; choose files or --units.",
+            )
+        if recording.frame != named.frame and recording.frame and named.frame:
+            raise InputDataError(
+                f"{recording.label}: in the frame {printable(recording.frame)}, but {named.label} is in "
+                f"{printable(named.frame)}.",
+                hint="Learn them apart, or record them in one frame.",
+            )
         if width != dimension or recording.names not in (None, names):
             what = f"{width} dimensions" if recording.names is None else f"columns {listed(recording.names)}"
             raise InputDataError(
@@ -150,21 +251,27 @@ def _names(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def _file_notes(
-    recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: Unit | None
+    recordings: Sequence[Recording], sources: Sequence[InputFile], dt: float | None, units: str | None
 ) -> list[str]:
     """Return notes on the files and on how they were read."""
-    notes = []
+    notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
+    taken = dict.fromkeys(name for recording in recordings for name in recording.taken)
     unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
     if unused:
-        notes.append(f"left aside: {listed(tuple(unused))}; use --columns to choose others.")
+        positions = f"the position is {listed(tuple(taken))}; " if taken else ""
+        notes.append(f"{positions}left aside: {listed(tuple(unused))}; use --columns to choose others.")
     if dt is not None and any(recording.times is not None for recording in recordings):
         notes.append("--dt is not used for files that contain times.")
-    dimension = recordings[0].positions.shape[1]
-    if units is None and dimension > len(AXIS_NAMES):
-        notes.append(f"{dimension} dimensions are taken as metres; joint angles need --units rad.")
-    first: dict[str, Path] = {}
+    first, dimension = recordings[0], recordings[0].positions.shape[1]
+    if units is None and not first.unit_said and (first.base == "rad" or dimension > len(AXIS_NAMES)):
+        notes.append(
+            "joint angles are taken as radians; degrees need --units deg."
+            if first.base == "rad"
+            else f"{dimension} dimensions are taken as metres; joint angles need --units rad or --units deg."
+        )
+    paths: dict[str, Path] = {}
     for source in sources:
-        same = first.setdefault(source.sha256, source.path)
+        same = paths.setdefault(source.sha256, source.path)
         if same is not source.path:
             notes.append(f"{source.path} has the same content as {same}.")
     return notes

@@ -6,17 +6,17 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.space import default_names
 
-Unit: TypeAlias = Literal["m", "mm", "rad"]
-
 GAPS = "Fill or remove gaps in the recording, or leave this demonstration out."  # hint
+EVEN = 0.2  # steps that differ less from their median, in units of it, are even
+EVEN_SAMPLES = 11
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,8 +31,12 @@ class Recording:
         names: One per dimension, None for formats that do not name them.
         lines: Line of each sample in a text file, shape (T,); None for binary formats.
         part: Which demonstration of its file, empty if it is the only one.
-        unit: Of the positions; rad for joint angles.
+        unit: Of the positions, one of ``UNITS`` of lengths and angles; of joint angles if its base is rad.
+        unit_said: Whether the file says the unit.
+        taken: Columns of the file that are the positions, if they have names.
         unused: Columns of the file that are not used, although the user did not choose columns.
+        frame: In which the positions are, if the file says it.
+        notes: Sentences for the user on how the file was read.
     """
 
     path: Path
@@ -42,8 +46,12 @@ class Recording:
     names: tuple[str, ...] | None = None
     lines: IntArray | None = None
     part: str = ""
-    unit: Unit = "m"
+    unit: str = "m"
+    unit_said: bool = False
+    taken: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
+    frame: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -55,19 +63,36 @@ class Recording:
         """The file without its folder, and which part of it: for reports."""
         return f"{self.path.name}, {self.part}" if self.part else self.path.name
 
+    @property
+    def base(self) -> str:
+        """Unit that the positions are converted to: m or rad."""
+        return UNITS[self.unit].base
+
     def where(self, sample: int) -> str:
         """Return the place of a sample in the file, for messages."""
         return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
 
     def column(self, dimension: int) -> str:
         """Return the name of a dimension for messages."""
-        names = self.names or default_names(self.positions.shape[1], self.unit)
+        names = self.names or default_names(self.positions.shape[1], self.base)
         return f"column '{printable(names[dimension])}'"
 
 
 def uniform_times(period: float, samples: int) -> FloatArray:
     """Return 0, Δt, 2 Δt …, [s]. Shape (samples,)."""
     return period * np.arange(samples, dtype=np.float64)
+
+
+def is_even(values: FloatArray) -> bool:
+    """Return whether numbers (T,) rise in even steps, as a clock or a counter does.
+
+    A motion from rest to rest does not, and of few samples nothing is said.
+    """
+    steps = np.diff(values)
+    if len(values) < EVEN_SAMPLES or not np.isfinite(values).all():
+        return False
+    middle = float(np.median(steps))
+    return middle > 0 and bool((np.abs(steps - middle) < EVEN * middle).all())
 
 
 def column_indices(

@@ -1,211 +1,86 @@
-"""CSV, TSV and the like: a header row, then one row per sample."""
+"""CSV, TSV and the like: a header, then one row per sample."""
 
 from __future__ import annotations
 
 import csv
-import io
-import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import chain, islice
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
-from skillctl.demonstrations import joints
+from skillctl.demonstrations import clock
+from skillctl.demonstrations.dialect import COMMENT, Row, opened, parsed
 from skillctl.demonstrations.files import File
-from skillctl.demonstrations.recording import GAPS, Recording, listed
+from skillctl.demonstrations.layout import UTF16, Layout, layout_of, text_of
+from skillctl.demonstrations.recording import GAPS, Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, printable
-from skillctl.model.space import AXIS_NAMES
 
-Row: TypeAlias = tuple[int, list[str]]  # line in the file, cells
-Block: TypeAlias = tuple[IntArray, FloatArray, list[str]]  # lines, numbers, values of the demo column
+Block: TypeAlias = tuple[IntArray, FloatArray, list[tuple[str, ...]]]  # lines, numbers, texts
 
 ROWS = 8192  # lines that are parsed together: the text is never in memory as a whole
-COMMENT = ("#", "%")
-TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
-UNIT = f"({'|'.join(TICKS)})"
-TIME = re.compile(rf"(?:t|time|stamp|timestamp)(?:_{UNIT}| ?[\[(]{UNIT}[\])])?", re.IGNORECASE)
-DEMO = "demo"
 
 
 def recognises(file: File) -> bool:
     """Return whether the content is text: tables have nothing else in common."""
-    return b"\0" not in file.content
+    return file.content.startswith(UTF16) or b"\0" not in file.content
 
 
 def read(file: File, *, header: Sequence[str] | None = None) -> list[Recording]:
     """Return the demonstrations of a table.
 
-    The first row names the columns: a time (``t``, ``time``, ``stamp`` or ``timestamp``, in seconds unless
-    its name goes on like ``t_ms`` or ``time [us]``), positions, and optionally ``demo``, which separates
-    demonstrations. If there are columns x and y (and z), only these are positions; otherwise all columns are,
-    up to seven. ``file.columns`` overrides this; it may also name joints of a skeleton.
-    Comma, semicolon, tab and spaces separate; with any but the comma, numbers may have decimal commas.
-    Lines that start with # or % are comments; the last one before the numbers may be the header.
-    ``header`` names the columns of a format that has no header and separates by spaces.
+    The header names the columns, in one row or in several, as motion capture writes them. Names say what a
+    column is (see ``columns``) and its unit. Columns x, y (and z) of one thing are the position, else joint
+    angles, else columns of unknown names; a column such as ``demo`` separates demonstrations.
+    ``file.columns`` overrides this; it may also name things that move, such as joints of a skeleton.
+    Comma, semicolon, tab and spaces separate, and numbers may have decimal commas. Lines that start with # or
+    % are comments; the last one before the numbers may be the header. ``header`` names the columns of a
+    format that has no header and separates by spaces.
 
     Raises:
         InputDataError: There is no text, header or row, a row is ragged, or a cell is not a number; the
             message gives the line.
     """
     path = file.path
-    text = io.TextIOWrapper(io.BytesIO(file.content), encoding="utf-8-sig")
     try:
-        names, delimiter, lines, above = _opened(text, header, path)
-        layout = _layout(names, delimiter, file)
-        blocks = list(_blocks(lines, above, layout))
+        table = opened(text_of(file), path, header)
+        layout = layout_of(table, file)
+        blocks = list(_blocks(table.lines, table.above, layout))
     except UnicodeDecodeError as error:
         raise InputDataError(f"{path}: not UTF-8 text.", hint="Save the table as UTF-8.") from error
     except csv.Error as error:
         raise InputDataError(f"{path}: not a table ({error}).", hint="Export it as CSV again.") from error
     if not blocks:
         raise InputDataError(f"{path}: a header but no rows.", hint="Record or export it again.")
-    numbers, values, demos = zip(*blocks, strict=True)
-    return _split(layout, np.concatenate(numbers), np.concatenate(values), list(chain(*demos)))
+    numbers, values, texts = zip(*blocks, strict=True)
+    return _split(layout, np.concatenate(numbers), np.concatenate(values), list(chain(*texts)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """The columns of a table.
-
-    Attributes:
-        path: The file, for messages.
-        delimiter: Separates the cells of a line.
-        names: All columns of the header.
-        time, demo: Their columns, None if absent.
-        ticks: Units of the time column in a second.
-        positions: Columns of the positions.
-        labels: Their names in the state space.
-        unused: Names of columns that are not used, although the user did not choose columns.
-    """
-
-    path: Path
-    delimiter: str
-    names: tuple[str, ...]
-    time: int | None
-    demo: int | None
-    ticks: float
-    positions: tuple[int, ...]
-    labels: tuple[str, ...]
-    unused: tuple[str, ...]
-
-    @property
-    def numeric(self) -> tuple[int, ...]:
-        """Columns read as numbers: the time, if there is one, and the positions."""
-        return self.positions if self.time is None else (self.time, *self.positions)
-
-
-def _opened(
-    text: Iterator[str], header: Sequence[str] | None, path: Path
-) -> tuple[Sequence[str], str, Iterator[str], int]:
-    """Return the column names, the delimiter, the lines of rows, and the number of lines above them."""
-    comment = ""
-    for number, line in enumerate(text, start=1):
-        if line.strip().startswith(COMMENT):
-            comment = line.strip().lstrip("#% ")
-        elif line.strip():
-            delimiter = _delimiter(line)
-            cells, above = _cells(line, delimiter), _cells(comment, delimiter)
-            if not any(map(_is_number, cells)):
-                return header or cells, delimiter, text, number
-            if header or (len(above) == len(cells) and not any(map(_is_number, above))):
-                return header or above, delimiter, chain([line], text), number - 1
-            raise InputDataError(
-                f"{path}, line {number}: numbers where the names of the columns should be.",
-                hint="Add a header as first line, such as t,x,y,z.",
-            )
-    raise InputDataError(f"{path}: a table without rows.", hint="Record or export it again.")
-
-
-def _delimiter(line: str) -> str:
-    most = max(",;\t", key=line.count)
-    return most if most in line else " "
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    return next((cells for _, cells in _rows([line], delimiter, 0)), [])
-
-
-def _rows(text: Iterable[str], delimiter: str, consumed: int) -> Iterator[Row]:
-    lines = (line.strip("\n ") for line in text)  # not tabs: a tab at the end is an empty cell
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
-    for cells in reader:
-        if any(cells) and not cells[0].startswith(COMMENT):
-            yield consumed + reader.line_num, cells
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        np.array(cell, dtype=np.float64)
-    except ValueError:
-        return False
-    return True
-
-
-def _layout(header: Sequence[str], delimiter: str, file: File) -> _Layout:
-    path, columns = file.path, file.columns
-    names = tuple(name.strip() for name in header)
-    asked = set(columns or ())
-    time = next((i for i, name in enumerate(names) if TIME.fullmatch(name) and name not in asked), None)
-    demo = next((i for i, name in enumerate(names) if name.lower() == DEMO and name not in asked), None)
-    free = [i for i, name in enumerate(names) if name and i not in (time, demo)]
-    axes = [i for i in free if names[i].lower() in AXIS_NAMES]
-    if columns is not None:
-        positions = joints.chosen(columns, names, path)
-    elif {"x", "y"} <= {names[i].lower() for i in axes}:
-        positions = tuple(sorted(axes, key=lambda i: names[i].lower()))
-    else:
-        joints.require_few([names[i] for i in free], path)
-        positions = tuple(free)
-    chosen = [names[i].lower() for i in positions]
-    if not positions or len(set(chosen)) < len(chosen):
-        raise InputDataError(
-            f"{path}: {'two position columns of one name' if positions else 'no position columns'}.",
-            hint=f"Name each column once, as in t,x,y,z. The columns are: {listed(names)}.",
-        )
-    unused = () if columns is not None else tuple(names[i] for i in free if i not in positions)
-    ticks = 1.0 if time is None else _ticks(names[time])
-    labels = _labels([names[i] for i in positions], columns)
-    return _Layout(path, delimiter, names, time, demo, ticks, positions, labels, unused)
-
-
-def _labels(chosen: Sequence[str], columns: Sequence[str] | None) -> tuple[str, ...]:
-    """Return names for the chosen columns: x, y, z if they are one joint, else their own."""
-    if columns is not None and len(columns) < len(chosen) <= len(AXIS_NAMES):
-        return AXIS_NAMES[: len(chosen)]
-    return tuple(name.lower() if name.lower() in AXIS_NAMES else name for name in chosen)
-
-
-def _ticks(name: str) -> float:
-    match = TIME.fullmatch(name)
-    return TICKS[(match[1] or match[2] or "s").lower()] if match else 1.0
-
-
-def _blocks(text: Iterator[str], consumed: int, layout: _Layout) -> Iterator[Block]:
+def _blocks(text: Iterator[str], consumed: int, layout: Layout) -> Iterator[Block]:
     while lines := list(islice(text, ROWS)):
         plain = _plain(lines, layout)
         if plain is not None:
             yield np.arange(consumed, consumed + len(lines)) + 1, *plain
-        elif rows := list(_rows(lines, layout.delimiter, consumed)):
+        elif rows := list(parsed(lines, layout.separator, consumed)):
             yield _block(rows, layout)
         consumed += len(lines)
 
 
-def _plain(lines: list[str], layout: _Layout) -> tuple[FloatArray, list[str]] | None:
-    """Return a block's numbers and demo column, parsed in one go; None if a line needs ``_block``."""
+def _plain(lines: list[str], layout: Layout) -> tuple[FloatArray, list[tuple[str, ...]]] | None:
+    """Return a block's numbers and texts, parsed in one go; None if a line needs ``_block``."""
     text = "".join(lines)
     if text.isspace() or any(mark in text for mark in (*COMMENT, '"')):
         return None
-    separator = None if layout.delimiter == " " else layout.delimiter
+    if layout.commas == "decimal" and "." in text:
+        return None
+    separator = None if layout.separator == " " else layout.separator
     width = len(layout.names)
     # NumPy counts the cells of a row if it reads all of them.
     some = layout.numeric if len(layout.numeric) < width else None
     if some and any(len(line.split(separator)) != width for line in lines):
         return None
-    numbers = [line.replace(",", ".") for line in lines] if separator != "," and "," in text else lines
+    numbers = [_plainly(line, layout) for line in lines] if layout.commas else lines
     try:
         values = np.loadtxt(numbers, delimiter=separator, comments=None, usecols=some, ndmin=2)
     except ValueError:
@@ -213,23 +88,32 @@ def _plain(lines: list[str], layout: _Layout) -> tuple[FloatArray, list[str]] | 
     if values.shape != (len(lines), len(layout.numeric)):  # blank lines are left out
         return None
     values = values if some else values[:, layout.numeric]
-    if layout.demo is None:
+    if not layout.texts:
         return values, []
-    return values, [line.split(separator)[layout.demo].strip() for line in lines]
+    return values, [_texts(line.split(separator), layout) for line in lines]
 
 
-def _block(rows: list[Row], layout: _Layout) -> Block:
+def _plainly(text: str, layout: Layout) -> str:
+    """Return numbers as Python writes them."""
+    if layout.commas == "decimal":
+        return (text.replace(".", "") if "," in text else text).replace(",", ".")
+    return text.replace(",", "") if layout.commas == "thousands" else text
+
+
+def _texts(cells: Sequence[str], layout: Layout) -> tuple[str, ...]:
+    return tuple(cells[column].strip() for column in layout.texts)
+
+
+def _block(rows: list[Row], layout: Layout) -> Block:
     """Return a block, parsed cell by cell, so that a message can name the cell that is wrong."""
     width = len(layout.names)
     for line, cells in rows:
-        if len(cells) != width:
+        if len(cells) < width or any(cells[width:]):
             raise InputDataError(
                 f"{layout.path}, line {line}: {len(cells)} cells, but there are {width} columns.",
                 hint="A recording that was cut off? Remove the incomplete line.",
             )
-    texts = [[cells[i] for i in layout.numeric] for _, cells in rows]
-    if layout.delimiter != ",":
-        texts = [[cell.replace(",", ".") for cell in row] for row in texts]
+    texts = [[_plainly(cells[i], layout) for i in layout.numeric] for _, cells in rows]
     try:
         values = np.array(texts, dtype=np.float64)
     except ValueError as error:
@@ -237,27 +121,46 @@ def _block(rows: list[Row], layout: _Layout) -> Block:
             (at, column)
             for at, row in enumerate(texts)
             for column, cell in zip(layout.numeric, row, strict=True)
-            if not _is_number(cell)
+            if not _is_plain_number(cell)
         )
         raise _not_a_number(rows[at], column, layout) from error
-    demos = [] if layout.demo is None else [cells[layout.demo].strip() for _, cells in rows]
-    return np.array([line for line, _ in rows]), values, demos
+    return (
+        np.array([line for line, _ in rows]),
+        values,
+        [_texts(cells, layout) for _, cells in rows if layout.texts],
+    )
 
 
-def _not_a_number(row: Row, column: int, layout: _Layout) -> InputDataError:
+def _is_plain_number(cell: str) -> bool:
+    try:
+        np.array(cell, dtype=np.float64)
+    except ValueError:
+        return False
+    return True
+
+
+def _not_a_number(row: Row, column: int, layout: Layout) -> InputDataError:
     line, cell = row[0], row[1][column]
     where = f"{layout.path}, line {line}, column '{printable(layout.names[column])}'"
     if not cell:
         return InputDataError(f"{where}: an empty cell.", hint=GAPS)
+    if column in layout.clock.columns and clock.LOOKS_LIKE_ONE.fullmatch(cell):
+        return InputDataError(f"{where}: '{printable(cell)[:40]}' is no time that is read.", hint=clock.KNOWN)
     return InputDataError(
         f"{where}: '{printable(cell)[:40]}' is not a number.",
         hint=f"Correct the cell, or choose columns with --columns. They are: {listed(layout.names)}.",
     )
 
 
-def _split(layout: _Layout, lines: IntArray, values: FloatArray, demos: list[str]) -> list[Recording]:
+def _split(
+    layout: Layout, lines: IntArray, values: FloatArray, texts: list[tuple[str, ...]]
+) -> list[Recording]:
     """Return one recording per value of the demo column, in the order of their first rows."""
-    times, positions = (None, values) if layout.time is None else (values[:, 0] / layout.ticks, values[:, 1:])
+    given = layout.clock
+    found = values[:, len(given.columns) :]
+    _require_coordinates(layout, found)
+    times = _times(layout, lines, values, texts)
+    demos = [text[0] for text in texts] if layout.demo is not None else []
     number = {value: i for i, value in enumerate(dict.fromkeys(demos))}
     codes = np.array([number[value] for value in demos]) if demos else np.zeros(len(lines), dtype=np.int64)
     order = np.argsort(codes, kind="stable")
@@ -265,12 +168,64 @@ def _split(layout: _Layout, lines: IntArray, values: FloatArray, demos: list[str
     return [
         Recording(
             layout.path,
-            positions[rows],
-            times=None if times is None else times[rows],
+            found[rows],
+            times=_own_times(layout, rows) if times is None else times[rows],
             names=layout.labels,
             lines=lines[rows],
             part=f"demo {printable(demos[rows[0]])[:40]}" if demos else "",
+            unit=layout.unit,
+            unit_said=layout.said,
+            taken=tuple(layout.names[i] for i in layout.positions),
             unused=layout.unused,
+            notes=_notes(layout, len(members)),
         )
         for rows in members
     ]
+
+
+def _own_times(layout: Layout, rows: IntArray) -> FloatArray | None:
+    period = layout.clock.period
+    return None if period is None else uniform_times(period, len(rows))
+
+
+def _times(
+    layout: Layout, lines: IntArray, values: FloatArray, texts: list[tuple[str, ...]]
+) -> FloatArray | None:
+    """Return the time of each row, (T,), [s], or None."""
+    given = layout.clock
+    if given.stamps is not None:
+        cells = [text[-1] for text in texts]
+        try:
+            return clock.seconds(cells)
+        except ValueError as error:
+            at = int(error.args[0])
+            raise InputDataError(
+                f"{layout.path}, line {lines[at]}, column '{printable(layout.names[given.stamps])}': "
+                f"'{printable(cells[at])[:40]}' is no time.",
+                hint=clock.KNOWN,
+            ) from None
+    if len(given.columns) > 1:  # the difference first: a sum of 1.7e9 s and nanoseconds is rounded
+        parts = values[:, : len(given.columns)]
+        return np.asarray((parts - parts[0]) @ (1 / np.array(given.per_second)))
+    return values[:, 0] / given.per_second[0] if given.columns else None
+
+
+def _require_coordinates(layout: Layout, found: FloatArray) -> None:
+    """Raise InputDataError if a column of unknown name rises evenly."""
+    for index, values in zip(layout.positions, found.T, strict=True):
+        if layout.guessed and is_even(values):
+            name = printable(layout.names[index])
+            raise InputDataError(
+                f"{layout.path}: column '{name}' rises evenly, as a clock or a counter does; it is not taken "
+                "as a coordinate.",
+                hint=f"If it is the time, say --columns t={name}; else name the position with --columns.",
+            )
+
+
+def _notes(layout: Layout, count: int) -> tuple[str, ...]:
+    notes = list(layout.clock.notes)
+    if layout.commas == "thousands":
+        notes.append("commas in numbers are read as separators between thousands.")
+    if layout.demo is not None and count > 1 and layout.names[layout.demo].lower() != "demo":
+        notes.append(f"the column '{printable(layout.names[layout.demo])}' tells demonstrations apart.")
+    return tuple(notes)

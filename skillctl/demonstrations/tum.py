@@ -22,7 +22,7 @@ def recognises(file: File) -> bool:
     if not table.recognises(file):
         return False
     above: list[str] = []
-    for line in file.content[:HEAD].decode(errors="replace").splitlines():
+    for line in file.content[:HEAD].decode("utf-8-sig", "replace").splitlines():
         words = line.lower().strip("# ").split()
         if words in HEADERS:
             return True

@@ -13,7 +13,7 @@ from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import contraction_period
+from skillctl.model.skill import Skill, contraction_period
 
 DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
@@ -142,6 +142,22 @@ def _best_log_prior(groups: Sequence[tuple[int, FloatArray]], logs: FloatArray, 
     return float(best if gain(best) > gain(logs[part]) else logs[part])
 
 
+def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
+    """Return where demonstrations begin, seen from the attractors where they are now. Shape (n, d).
+
+    Args:
+        skill: Any skill.
+        demonstrations: One set per leaf, None where none is embedded.
+    """
+    return np.array(
+        [
+            leaf.attractor + (motion.positions[0] - motion.positions[-1])
+            for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
+            for motion in motions or ()
+        ]
+    )
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class _Taught:
     """The demonstrations of one part.
@@ -162,12 +178,10 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
     remaining = iter(demonstrations)
     found: list[_Taught | None] = []
     for part in skill.parts:
-        motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
-        if not motions:
-            found.append(None)
-            continue
-        starts = np.stack([part.attractor + (m.positions[0] - m.positions[-1]) for m in motions])
-        found.append(_Taught(starts, max(motion.duration for motion in motions)))
+        sets = [next(remaining) for _ in part.leaves]
+        starts = demonstrated_starts(part, sets)
+        durations = [motion.duration for motions in sets for motion in motions or ()]
+        found.append(_Taught(starts, max(durations)) if durations else None)
     return found
 
 

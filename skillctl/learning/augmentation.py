@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, IntArray
+from skillctl.arrays import FloatArray
 from skillctl.geometry import SHORTEST, path_length, phases
 from skillctl.learning.preprocess import TrainingData
 
@@ -39,9 +39,7 @@ def displaced_paths(paths: FloatArray, distance: float, share: float) -> tuple[F
     return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
 
 
-def distant_samples(
-    data: TrainingData, distances: tuple[float, ...]
-) -> tuple[FloatArray, FloatArray, IntArray]:
+def distant_samples(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities on copies of the demonstrations that start far beside them.
 
     The offset of a copy falls as the square of the share of path left, so that its last stretch, where a
@@ -55,7 +53,7 @@ def distant_samples(
         distances: How far from their starts copies start, in rms distances.
 
     Returns:
-        Both of shape (n, d), and which of the D·T samples each is a copy of, shape (n,).
+        Both of shape (n, d).
     """
     paths, velocities = data.positions, data.velocities
     count, _, d = paths.shape
@@ -64,17 +62,15 @@ def distant_samples(
     left = (1.0 - phases(paths))[..., None]
     # d(left²)/dt = −2 left · speed / length: what the closing in adds to the velocity of a copy.
     closing = 2 * left * speeds / np.maximum(path_length(paths), SHORTEST)[:, None, None]
-    copied = np.flatnonzero(moving)
-    copies = [(np.empty((0, d)), np.empty((0, d)), copied[:0])]
+    copies = [(np.empty((0, d)), np.empty((0, d)))]
     for distance in distances:
         generator = np.random.default_rng(1)
         for _ in range(-(-d // count)):
             aside = distance * _directions(generator.standard_normal((count, d)))[:, None]
             for shift in (aside, -aside):
-                moved, slowed = paths + shift * left**2, velocities - shift * closing
-                copies.append((moved[moving], slowed[moving], copied))
-    positions, targets, sources = zip(*copies, strict=True)
-    return np.concatenate(positions), np.concatenate(targets), np.concatenate(sources)
+                copies.append(((paths + shift * left**2)[moving], (velocities - shift * closing)[moving]))
+    positions, targets = zip(*copies, strict=True)
+    return np.concatenate(positions), np.concatenate(targets)
 
 
 def _directions(vectors: FloatArray) -> FloatArray:

@@ -144,13 +144,22 @@ def constrained_em(
 
 
 def position_em(
-    mixture: JointMixture, positions: FloatArray, *, iterations: int = 20
+    mixture: JointMixture, points: FloatArray, positions: FloatArray, *, iterations: int = 20
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return priors, means and covariances of a mixture fitted to positions alone: the position density."""
-    density = mixture
-    for _ in range(iterations):
-        moments = position_moments(expectation(density.log_joint(positions)), positions)
+    """Return priors, means and covariances of a mixture fitted to positions alone: the position density.
+
+    Args:
+        mixture: Where EM starts from: a mixture of ``points``.
+        points: y of each position, shape (N, d).
+        positions: ξ, shape (N, d).
+        iterations: Of EM.
+    """
+    density, shares = mixture, expectation(mixture.log_joint(points))
+    for step in range(iterations):
+        moments = position_moments(shares, positions)
         density = replace(density, priors=moments[0], means=moments[1], covariances=moments[2])
+        if step < iterations - 1:
+            shares = expectation(density.log_joint(positions))
     return density.priors, density.means, density.covariances
 
 

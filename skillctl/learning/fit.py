@@ -3,27 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.geometry import extent
 from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
-from skillctl.learning.options import LearnOptions, Preset
+from skillctl.learning.objective import reproduction_error
+from skillctl.learning.options import Coordinates, LearnOptions, Preset
 from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.parameters import skill_of
-from skillctl.learning.preprocess import TrainingData, align, embedded, training_data
+from skillctl.learning.preprocess import TrainingData, align, embedded, resample, training_data
 from skillctl.learning.select import component_limit, select_components
+from skillctl.learning.shears import BENDING, learn_shears, samples_of
 from skillctl.learning.solve import solve
+from skillctl.model.coordinates.chain import IDENTITY, Chain
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.seds import SedsSkill
 from skillctl.progress import Progress
 from skillctl.workers.blas import one_blas_thread
 
+STRAIGHT = 0.001  # shears are learned if V keeps a motion off its path by more than this share of its extent
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 LATE_GAIN = 0.02  # warn when the last steps took more off the cost; of distances that is about half as much
 MORE_WORK: dict[Preset, Preset] = {"fast": "default", "default": "quality"}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Distance:
+    """How the distance from the target is measured: V = φᵀ P φ of y = φ(ξ − ξ*).
+
+    Attributes:
+        lyapunov: P, shape (d, d).
+        coordinates: φ, in the unit of the space.
+    """
+
+    lyapunov: FloatArray
+    coordinates: Chain = IDENTITY
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,11 +55,11 @@ class Fit:
             points each, each ending exactly at the attractor.
         objective: Value of the objective at the end, in the learner's units.
         log_likelihood: Mean log p(ξ, ξ̇) of the initial or final constrained mixture, learner's units.
-        deviation_bound: Lower bound of the mean distance from the demonstrations of any motion with this P,
-            in the unit of the space.
+        deviation_bound: Lower bound of the mean distance from the demonstrations of any motion with this V,
+            in the unit of the space; about that with learned coordinates.
         rising_share: Share of the demonstrated path on which V would have to grow.
-        results: How the stages of learning ended, in their order: ``metric`` where P was learned, then
-            ``mixture`` (likelihood) or ``polish`` and perhaps ``refine``.
+        results: How the stages of learning ended, in their order: ``coordinates`` and ``metric`` where they
+            were learned, then ``mixture`` (likelihood) or ``polish`` and perhaps ``refine``.
         warnings: Sentences for the user.
     """
 
@@ -63,7 +82,7 @@ def fit(
     demonstrations: DemonstrationSet,
     options: LearnOptions | None = None,
     *,
-    lyapunov: FloatArray | None = None,
+    distance: Distance | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Learn a stable skill from demonstrations of one motion.
@@ -74,7 +93,7 @@ def fit(
     Args:
         demonstrations: At least one; each is translated to the mean end point, which becomes ξ*.
         options: See ``LearnOptions``.
-        lyapunov: Use this P (d, d) instead of what ``options.metric`` says.
+        distance: Use this P and these coordinates instead of what ``options`` says.
         progress: Called with (stage, done, total) as learning proceeds.
 
     Raises:
@@ -87,37 +106,50 @@ def fit(
     """
     options = options or LearnOptions()
     with one_blas_thread():
-        return _fit(demonstrations, options, lyapunov, progress or (lambda *_: None))
+        return _fit(demonstrations, options, distance, progress or (lambda *_: None))
 
 
-def learned_metric(sets: Sequence[DemonstrationSet]) -> FloatArray:
-    """Return one P (d, d) fitted to the demonstrations of several motions at once."""
-    motions = []
+def learned_distance(sets: Sequence[DemonstrationSet], coordinates: Coordinates = "auto") -> Distance:
+    """Return one P, and coordinates if they are needed, fitted to the demonstrations of several motions."""
+    options = LearnOptions(coordinates=coordinates)
     with one_blas_thread():
-        for demonstrations in sets:
-            aligned, attractor = align(demonstrations)
-            samples = LearnOptions().effort.samples_of(len(aligned))
-            motions.append(training_data(aligned, attractor, samples).positions)
-        return learn_lyapunov(motions)[0]
+        aligned = [align(demonstrations) for demonstrations in sets]
+        data = [training_data(a, goal, options.effort.samples_of(len(a))) for a, goal in aligned]
+        unit = float(np.sqrt(np.mean([each.length_scale**2 for each in data])))
+        motions = [each.positions * (each.length_scale / unit) for each in data]
+        metric, _ = _metric(motions, options)
+        if not _shears_wanted(motions, metric, coordinates):
+            return Distance(metric)
+        shears, _ = learn_shears([_dense(*pair) / unit for pair in aligned])
+        bent = [shears.forward(each.reshape(-1, each.shape[-1])).reshape(each.shape) for each in motions]
+        return Distance(_metric(bent, options)[0], Chain((shears.in_unit(unit),)))
 
 
 def _fit(
     demonstrations: DemonstrationSet,
     options: LearnOptions,
-    lyapunov: FloatArray | None,
+    distance: Distance | None,
     progress: Progress,
 ) -> Fit:
     aligned, attractor = align(demonstrations)
     data = training_data(aligned, attractor, options.effort.samples_of(len(aligned)))
-    metrics, learned = _metrics(aligned, data, options, lyapunov)
-    n_components = _n_components(aligned, data, metrics[0], options, progress)
-    solutions = [solve(data, metric, n_components, options, progress) for metric in metrics]
-    solution, metric = min(zip(solutions, metrics, strict=True), key=lambda pair: pair[0].objective)
-    bound = deviation_bound(metric, data.positions) * data.length_scale
-    share = rising_share(metric, data.positions)
-    results = (*learned, *solution.results)
+    choices, learned = _measured(aligned, data, options, distance)
+    n_components = _n_components(aligned, *choices[0], options, progress)
+    solutions = [solve(each, metric, n_components, options, progress) for each, metric in choices]
+    best = 0
+    if len(choices) > 1:  # only the motions tell which is the better: objectives of other coordinates differ
+        best = int(
+            np.argmin([reproduction_error(d, s.field) for (d, _), s in zip(choices, solutions, strict=True)])
+        )
+    solution, (data, metric) = solutions[best], choices[best]
+    bound = _bound(metric, data)
+    share = rising_share(metric, data.moved.positions)
+    results = (*learned[best], *solution.results)
+    skill = skill_of(solution.field, solution.density, data, metric, demonstrations.space)
+    if distance is not None:  # as given, to the last bit: skills that are to be merged must agree
+        skill = replace(skill, coordinates=distance.coordinates)
     return Fit(
-        skill=skill_of(solution.field, solution.density, data, metric, demonstrations.space),
+        skill=skill,
         demonstrations=embedded(aligned),
         objective=solution.objective,
         log_likelihood=solution.log_likelihood,
@@ -151,25 +183,78 @@ def _n_components(
     return options.n_components
 
 
-def _metrics(
-    aligned: DemonstrationSet, data: TrainingData, options: LearnOptions, lyapunov: FloatArray | None
-) -> tuple[list[FloatArray], tuple[StageResult, ...]]:
-    """Return the Lyapunov matrices to choose from, and how learning them ended, if they are learned.
+Choice: TypeAlias = tuple[TrainingData, FloatArray]  # the data in their coordinates, and P
 
-    There is one, unless the motion contradicts even the learned one. Then a more stretched one may do better,
-    and only learning a skill with each of them shows whether it does.
+
+def _measured(
+    aligned: DemonstrationSet, data: TrainingData, options: LearnOptions, distance: Distance | None
+) -> tuple[list[Choice], list[tuple[StageResult, ...]]]:
+    """Return the ways to measure distance that are to be tried, and how learning each of them ended.
+
+    There is one, unless the motion contradicts even the learned P, or needs shears. Then a more stretched P,
+    or shears that bend more, may do better, and only learning with each shows whether it does.
     """
-    if lyapunov is not None:
-        if lyapunov.shape != (data.dimension, data.dimension):
-            raise UsageError(f"lyapunov: expected {data.dimension} x {data.dimension}, got {lyapunov.shape}.")
-        return [lyapunov], ()
+    if distance is not None:
+        if distance.lyapunov.shape != (data.dimension, data.dimension):
+            raise UsageError(
+                f"lyapunov: expected {data.dimension} x {data.dimension}, got {distance.lyapunov.shape}."
+            )
+        coordinates = distance.coordinates.in_unit(1 / data.length_scale)
+        return [(replace(data, coordinates=coordinates), distance.lyapunov)], [()]
+    metric, results = _metric([data.positions], options)
+    rollouts = options.objective == "reproduction"  # only they show which of two choices is the better
+    if not _shears_wanted([data.positions], metric, options.coordinates):
+        metrics = [metric]
+        if options.metric == "learned" and rollouts and _bound(metric, data) > BOUND_SHARE * aligned.extent:
+            metrics.append(stretched(metric))
+        return [(data, each) for each in metrics], [results] * len(metrics)
+    dense = _dense(aligned, data.attractor) / data.length_scale
+    choices, ended = [], []
+    for bending in BENDING if rollouts else BENDING[:1]:
+        shears, bent = learn_shears([dense], bending)
+        each = replace(data, coordinates=Chain((shears,)))
+        metric, results = _metric([each.moved.positions], options)
+        choices.append((each, metric))
+        ended.append((bent, *results))
+    return choices, ended
+
+
+def _metric(
+    motions: Sequence[FloatArray], options: LearnOptions
+) -> tuple[FloatArray, tuple[StageResult, ...]]:
+    """Return P for motions (D, T, d) at rms distance about one, and how learning it ended, if it is."""
     if options.metric == "euclidean":
-        return [np.eye(data.dimension)], ()
-    learned, result = learn_lyapunov([data.positions])
-    if options.objective != "reproduction":  # only rollouts show which of two metrics is the better
-        return [learned], (result,)
-    contradicted = deviation_bound(learned, data.positions) * data.length_scale > BOUND_SHARE * aligned.extent
-    return [learned, stretched(learned)] if contradicted else [learned], (result,)
+        return np.eye(motions[0].shape[-1]), ()
+    metric, result = learn_lyapunov(motions)
+    return metric, (result,)
+
+
+def _shears_wanted(motions: Sequence[FloatArray], metric: FloatArray, coordinates: Coordinates) -> bool:
+    """Return whether shears are to be learned; there are none in one dimension."""
+    d = motions[0].shape[-1]
+    if coordinates != "auto" or d == 1:
+        return coordinates == "shears" and d > 1
+    limits = [STRAIGHT * extent(motion.reshape(-1, d)) for motion in motions]
+    return any(deviation_bound(metric, motion) > limit for motion, limit in zip(motions, limits, strict=True))
+
+
+def _dense(aligned: DemonstrationSet, attractor: FloatArray) -> FloatArray:
+    """Return demonstrations (D, T, d) relative to their target, with the samples that shears want."""
+    samples = samples_of(len(aligned))
+    positions = np.stack([resample(demonstration, samples).positions for demonstration in aligned])
+    positions[:, -1] = attractor
+    return positions - attractor
+
+
+def _bound(metric: FloatArray, data: TrainingData) -> float:
+    """Return about the least mean distance of any motion with this P from the demonstrations, in their unit.
+
+    A distance in y is at most the stretch of φ times that in the state; the stretch on the path is taken.
+    """
+    moved = data.moved
+    factors = data.factors(moved.states)
+    stretch = 1.0 if factors is None else 1 / float(np.linalg.svd(factors, compute_uv=False)[:, -1].min())
+    return deviation_bound(metric, moved.positions) * data.length_scale / stretch
 
 
 def _contradictions(

@@ -112,25 +112,24 @@ class LearningObjective:
     ) -> None:
         """Args: data; weights; rollouts: count them; substeps: integration steps per sample."""
         self.data, self.weights, self.rollouts = data, weights, rollouts
-        chosen, shares = representatives(data.positions, MOST_ROLLED)
+        y = data.moved
+        chosen, shares = representatives(y.positions, MOST_ROLLED)
         self.paths, path_weights = displaced_paths(
-            data.positions[chosen], weights.displacement, weights.displaced_share
+            y.positions[chosen], weights.displacement, weights.displaced_share
         )
         copies = len(self.paths) // len(chosen)
         self.path_weights = path_weights * len(chosen) * np.tile(shares, copies)
+        self.path_factors = data.factors(self.paths)
         self.steps = np.tile(data.steps[chosen], copies) / substeps
-        self.root = spread_root(data.points[0])
-        near, (*distant, sources) = data.points, distant_samples(data, weights.distances if rollouts else ())
-        positions, self.targets = (np.vstack(pair).T.copy() for pair in zip(near, distant, strict=True))
+        self.root = spread_root(y.points[0])
+        near, distant = y.points, distant_samples(y, weights.distances if rollouts else ())
+        positions, targets = (np.vstack(pair) for pair in zip(near, distant, strict=True))
         counts = len(near[0]), len(distant[0])
         point_weights = np.repeat([1 / counts[0], weights.distant_weight / max(counts[1], 1)], counts)
-        metric = self.path_factors = None
-        if data.weights is not None:
-            factors = data.weights.reshape(-1, *data.weights.shape[2:])
-            factors = np.concatenate([factors, factors[sources]])
-            metric = factors.swapaxes(1, 2) @ factors
-            self.path_factors = np.tile(data.weights[chosen], (copies, 1, 1, 1))
-        self.moments = VelocityMoments(positions, point_weights, metric)
+        factors = data.factors(positions)
+        metric = None if factors is None else factors.swapaxes(1, 2) @ factors
+        self.targets = targets.T.copy()
+        self.moments = VelocityMoments(positions.T.copy(), point_weights, metric)
         self.ridge = weights.ridge if rollouts else 0.0
         self.count = substeps * int(np.ceil(weights.overrun * (data.positions.shape[1] - 1)))
         self.path_phase = phases(self.paths)
@@ -201,6 +200,13 @@ class LearningObjective:
         cost = float(weights @ (root - 1.0)) * self.weights.robust**2
         scales = np.sqrt(weights / root)
         return Matching(states, predicted, rows.reshape(2, -1), shares, errors, factors, scales, cost)
+
+
+def reproduction_error(data: TrainingData, field: Field) -> float:
+    """Return the robust mean square distance of the demonstrations from motions that start where they do."""
+    matching = LearningObjective(data, Weights(displacement=0.0), substeps=2).evaluate(field).matching
+    assert matching is not None  # there are rollouts
+    return matching.cost
 
 
 def _gathered(matching: Matching) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from skillctl.options import option, require_choices
 
 Objective: TypeAlias = Literal["reproduction", "mse", "likelihood"]
 Metric: TypeAlias = Literal["learned", "euclidean"]
+Coordinates: TypeAlias = Literal["auto", "identity", "shears"]
 Preset: TypeAlias = Literal["fast", "default", "quality"]
 
 LEARNING = "Learning"
@@ -66,6 +67,8 @@ class LearnOptions:
         objective: ``reproduction`` (velocities and rollouts), ``mse`` (velocities, least squares) or
             ``likelihood`` (Eq. 6).
         metric: ``learned`` finds the Lyapunov matrix P from the data; ``euclidean`` is P = I (Eq. 5).
+        coordinates: ``identity`` measures that distance in the state itself; ``shears`` in learned
+            coordinates, with which V need not be an ellipse; ``auto`` learns them where no ellipse suits.
         n_components: K. None: seven (nine with ``quality``), or fewer if the data cannot carry as many.
             ``auto``: chosen by the error on demonstrations left out (by BIC for a single demonstration).
         preset: How much work to spend.
@@ -87,6 +90,12 @@ class LearnOptions:
         "learned",
         group=LEARNING,
         help="Distance in which the motion approaches the target: learned from the data, or the plain one.",
+    )
+    coordinates: Coordinates = option(
+        "auto",
+        group=LEARNING,
+        help="Where that distance is measured. shears: in learned coordinates, for motions that bend back; "
+        "identity: in the state itself; auto: shears where no ellipse suits the motion.",
     )
     n_components: int | Literal["auto"] | None = option(
         name="components",

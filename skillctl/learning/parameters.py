@@ -83,7 +83,7 @@ def skill_of(
 
     Args:
         field: Parameters in the learner's units.
-        density: Priors, means, covariances of the position density, in the learner's units.
+        density: Priors, means, covariances of the position density (of states), in the learner's units.
         data: The training data, for its units, its attractor and the residual covariances.
         lyapunov: P, shape (d, d); a change of the unit of length only scales V, so that P stays valid.
         space: What the state means.
@@ -106,4 +106,5 @@ def skill_of(
         lyapunov=lyapunov,
         density=GaussianMixture(density[0], length * density[1] + data.attractor, length**2 * density[2]),
         space=space,
+        coordinates=data.coordinates.in_unit(length),
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
 from skillctl.geometry import extent
+from skillctl.model.coordinates.chain import IDENTITY, Chain, Pull
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
@@ -27,8 +28,7 @@ class TrainingData:
         length_scale: One unit of position, in the unit of the space.
         speed_scale: One unit of velocity, per second.
         attractor: Mean end point, shape (d,), in the unit of the space.
-        weights: W of each sample, shape (D, T, d, d), or None for the identity: of an error e there, in
-            position or in velocity, the length of W e counts.
+        coordinates: c, on positions in these units. The mixture is learned of y = c(ξ); errors count in ξ.
     """
 
     positions: FloatArray
@@ -37,7 +37,7 @@ class TrainingData:
     length_scale: float
     speed_scale: float
     attractor: FloatArray
-    weights: FloatArray | None = None
+    coordinates: Chain = IDENTITY
 
     @property
     def dimension(self) -> int:
@@ -45,15 +45,47 @@ class TrainingData:
         return int(self.positions.shape[2])
 
     @property
+    def states(self) -> FloatArray:
+        """All positions stacked, shape (D·T, d)."""
+        return self.positions.reshape(-1, self.dimension)
+
+    @property
+    def moved(self) -> TrainingData:
+        """The same of y = c(ξ), as if it were the state: what the mixture moves."""
+        if not self.coordinates.links:
+            return self
+        y, pull = self.coordinates.tangent(self.states)
+        shape = self.positions.shape
+        velocities = np.linalg.solve(_inverse(pull, *y.shape), self.velocities.reshape(*y.shape, 1))
+        velocities = np.asarray(velocities, dtype=np.float64).reshape(shape)
+        return replace(self, positions=y.reshape(shape), velocities=velocities, coordinates=IDENTITY)
+
+    @property
     def points(self) -> tuple[FloatArray, FloatArray]:
-        """All positions and velocities stacked, each of shape (D·T, d)."""
-        d = self.dimension
-        return self.positions.reshape(-1, d), self.velocities.reshape(-1, d)
+        """All y and ẏ stacked, each of shape (D·T, d)."""
+        moved = self.moved
+        return moved.states, moved.velocities.reshape(-1, self.dimension)
+
+    def factors(self, coordinates: FloatArray) -> FloatArray | None:
+        """Return W = Dc⁻¹ at y (..., d), shape (..., d, d), or None for the identity.
+
+        A small error e of y, or of ẏ, is one of W e in the state: that is what counts.
+        """
+        if not self.coordinates.links:
+            return None
+        y = coordinates.reshape(-1, self.dimension)
+        _, pull = self.coordinates.tangent(self.coordinates.back(y))
+        return _inverse(pull, *y.shape).reshape(*coordinates.shape, -1)
 
     @property
     def time_scale(self) -> float:
         """One unit of time, [s]."""
         return self.length_scale / self.speed_scale
+
+
+def _inverse(pull: Pull, count: int, dimension: int) -> FloatArray:
+    """Return Dc⁻¹ at ``count`` points from what leads velocities back there. Shape (count, d, d)."""
+    return np.stack([pull(np.tile(unit, (count, 1))) for unit in np.eye(dimension)], axis=2)
 
 
 def without_spikes(demonstration: Demonstration) -> Demonstration:

@@ -76,9 +76,5 @@ def _bic(data: TrainingData, lyapunov: FloatArray, k: int, options: LearnOptions
 
 def _subset(data: TrainingData, keep: np.typing.NDArray[np.bool_]) -> TrainingData:
     return replace(
-        data,
-        positions=data.positions[keep],
-        velocities=data.velocities[keep],
-        steps=data.steps[keep],
-        weights=None if data.weights is None else data.weights[keep],
+        data, positions=data.positions[keep], velocities=data.velocities[keep], steps=data.steps[keep]
     )

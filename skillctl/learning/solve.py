@@ -96,10 +96,12 @@ def _solve(
         best, ended = min(starts, key=lambda start: ranking.evaluate(field_of(start[0])).cost)
         likelihood = log_likelihood(best, *data.points)
         density = best.priors, best.means, best.covariances
+        if data.coordinates.links:
+            density = position_em(best, data.points[0], data.states)
         return Solution(field_of(best), density, -likelihood, likelihood, (ended,))
     state, best, results = optimise(data, barrier, [mixture for mixture, _ in starts], options, progress)
     likelihood = log_likelihood(best, *data.points)
-    density = position_em(best, data.points[0])
+    density = position_em(best, data.points[0], data.states)
     return Solution(state.evaluation.field, density, state.cost, likelihood, results)
 
 

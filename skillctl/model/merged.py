@@ -113,38 +113,39 @@ class MergedSkill(Frozen, Composite, ActingSkill):
 
     def responsibilities(self, positions: npt.ArrayLike) -> FloatArray:
         """Return h̃ for positions (n, d), parts side by side. Shape (n, K); rows sum to one."""
-        y = self.coordinates.forward(self.space.states(positions))
-        return self.mixed(self._gates.many(y.T - self._gates.logits.origin[:, None]), y)
+        states = self.space.states(positions)
+        offsets = self.lifted(states).T - self._gates.logits.origin[:, None]
+        return self.mixed(self._gates.many(offsets), states)
 
-    def mixed(self, h: FloatArray, y: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
         """Return h̃ of all components from their weights within their own leaf; see ``ActingSkill``."""
         if self._nested:  # merged skills among the parts mix their own first
             blocks = np.split(h, np.flatnonzero(np.diff(self._owners)) + 1, axis=-1)
-            h = np.concatenate([p.mixed(b, y) for p, b in zip(self.parts, blocks, strict=True)], axis=-1)
-        shares = partial(self._part_shares, y)
+            h = np.concatenate([p.mixed(b, states) for p, b in zip(self.parts, blocks, strict=True)], axis=-1)
+        shares = partial(self._part_shares, states)
         return self._weigh(h, self._owners, self.part_weights, shares, self.parameters)
 
-    def _part_shares(self, y: FloatArray) -> FloatArray:
-        """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ at one or many y (..., d). Shape (..., parts)."""
-        return self._densities.shares(y) if y.ndim == 1 else softmax(self._densities.scores(y)).T
+    def _part_shares(self, states: FloatArray) -> FloatArray:
+        """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ at one or many states (..., d). Shape (..., parts)."""
+        densities = self._densities
+        return densities.shares(states) if states.ndim == 1 else softmax(densities.scores(states)).T
 
     def part_weights_at(self, states: FloatArray) -> FloatArray:
         """Return each part's share of the motion (its components' weights summed). Shape (n, parts)."""
         starts = np.searchsorted(self._owners, np.arange(len(self.parts)))
         return np.asarray(np.add.reduceat(self.responsibilities(states), starts, axis=1))
 
-    def _moved_at(self, y: FloatArray) -> FloatArray:
+    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
         offset = y - self._gates.logits.origin
-        weights = self.mixed(self._gates.at(offset), y)
+        weights = self.mixed(self._gates.at(offset), state)
         velocity: FloatArray = weights.dot(self._matrices).reshape(y.size, -1).dot(offset)
         return velocity
 
-    def _moved(self, y: FloatArray) -> FloatArray:
+    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
         velocities = np.empty_like(y)
         for start in range(0, len(y), BLOCK):
-            block = y[start : start + BLOCK]
-            offsets = block - self._gates.logits.origin
-            weights = self.mixed(self._gates.many(offsets.T), block)
+            offsets = y[start : start + BLOCK] - self._gates.logits.origin
+            weights = self.mixed(self._gates.many(offsets.T), states[start : start + BLOCK])
             matrices = (weights @ self._matrices).reshape(-1, *[self.dimension] * 2)
             velocities[start : start + BLOCK] = np.einsum("nij,nj->ni", matrices, offsets)
         return velocities

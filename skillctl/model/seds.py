@@ -24,9 +24,9 @@ from skillctl.model.space import Space
 class SedsSkill(Frozen, ActingSkill):
     r"""A stable dynamical system learned from demonstrations: ξ̇ = α Σₖ hₖ(ξ) Aₖ (ξ − ξ*).
 
-    hₖ(ξ) = πₖ N(ξ; μₖ, Σₖ) / Σⱼ πⱼ N(ξ; μⱼ, Σⱼ). In coordinates other than the identity all of this is said
-    of y = c(ξ). The class holds whatever matrices it is given; whether they are stable is decided by
-    ``skillctl.stability``, never assumed here.
+    hₖ(ξ) = πₖ N(ξ; μₖ, Σₖ) / Σⱼ πⱼ N(ξ; μⱼ, Σⱼ). In coordinates other than the identity all of this, but the
+    position density, is said of y = ξ* + c(ξ − ξ*). The class holds whatever matrices it is given; whether
+    they are stable is decided by ``skillctl.stability``, never assumed here.
 
     Attributes:
         priors, means, covariances: πₖ (K,), μₖ (K, d), Σₖ (K, d, d) of the gates hₖ.
@@ -37,7 +37,7 @@ class SedsSkill(Frozen, ActingSkill):
         density: Position density p(ξ) of the demonstrations: where the skill knows what it is doing.
         space: Names, unit and frame of the state.
         speed: α > 0, a factor on all velocities.
-        coordinates: c.
+        coordinates: c, on offsets from the attractor.
 
     References:
         Eq. 3–5 of the paper; Aₖ is stored rather than derived from a joint covariance, so that what is
@@ -82,13 +82,12 @@ class SedsSkill(Frozen, ActingSkill):
         if self.density.dimension != d or self.space.dimension != d:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
         gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
-        origin = self.coordinates.forward(self.attractors)[0]
-        coefficients, peak = gates.coefficients(origin), float(gates.log_peaks.max())
+        coefficients, peak = gates.coefficients(self.attractor), float(gates.log_peaks.max())
         with np.errstate(over="ignore", invalid="ignore"):
             known = self.density.log_density(self.attractors)
         if not np.isfinite(known).all():
             raise InvalidModelError("density: too large or too small to compute with.")
-        compiled = GatedField(coefficients, peak, self.component_matrices, origin)
+        compiled = GatedField(coefficients, peak, self.component_matrices, self.attractor)
         object.__setattr__(self, "gated", compiled)
 
     @property
@@ -108,9 +107,9 @@ class SedsSkill(Frozen, ActingSkill):
 
     def responsibilities(self, positions: npt.ArrayLike) -> FloatArray:
         """Return hₖ(ξ) for positions (n, d). Shape (n, K); rows sum to one at any distance."""
-        return self.gated.gates(self.coordinates.forward(self.space.states(positions)))
+        return self.gated.gates(self.lifted(self.space.states(positions)))
 
-    def mixed(self, h: FloatArray, y: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
         """Return h: a leaf's own weights."""
         return h
 
@@ -118,10 +117,10 @@ class SedsSkill(Frozen, ActingSkill):
         """Return one for each state (n, d): a learned skill moves alone. Shape (n, 1)."""
         return np.ones((len(states), 1))
 
-    def _moved_at(self, y: FloatArray) -> FloatArray:
+    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
         return self.gated.velocity(y)
 
-    def _moved(self, y: FloatArray) -> FloatArray:
+    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
         return self.gated.velocities(y)
 
     def accelerated(self, factor: float) -> SedsSkill:
@@ -135,7 +134,6 @@ class SedsSkill(Frozen, ActingSkill):
             means=self.means + offset,
             attractor=self.attractor + offset,
             density=self.density.translated(offset),
-            coordinates=self.coordinates.translated(offset),
         )
 
     def with_leaves(self, change: Callable[[SedsSkill], SedsSkill]) -> SedsSkill:

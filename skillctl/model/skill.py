@@ -163,11 +163,11 @@ AnyActing = TypeVar("AnyActing", bound="ActingSkill")
 class ActingSkill(Skill):
     """A skill with one attractor and one V: learned, or merged; what can be a part of a combined skill.
 
-    It moves y = c(ξ) by a mixture of linear systems, ẏ = Σₖ h̃ₖ(y) Aₖ (y − y*), y* = c(ξ*).
+    It moves y = ξ* + c(ξ − ξ*) by a mixture of linear systems, ẏ = Σₖ h̃ₖ(y) Aₖ (y − ξ*).
 
     Attributes:
         attractor: ξ*, shape (d,).
-        lyapunov: P of V = (y − y*)ᵀ P (y − y*), shape (d, d).
+        lyapunov: P of V = (y − ξ*)ᵀ P (y − ξ*), shape (d, d).
         form: V itself.
         coordinates: c.
         component_matrices: The matrices that act, every speed multiplied in. Shape (K, d, d), [1/s].
@@ -193,21 +193,21 @@ class ActingSkill(Skill):
         """Return h̃ for positions (n, d). Shape (n, K); rows sum to one at any distance."""
 
     @abstractmethod
-    def mixed(self, h: FloatArray, y: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
         """Return h̃ of all components from their weights within their own leaf.
 
         Args:
             h: Leaves side by side, shape (..., K).
-            y: Where, shape (..., d): one or many.
+            states: Where, shape (..., d): one or many. Position densities are densities of the state.
         """
 
     @abstractmethod
-    def _moved_at(self, y: FloatArray) -> FloatArray:
-        """Return ẏ for one y (d,)."""
+    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
+        """Return ẏ for one y (d,), which is that of a state (d,)."""
 
     @abstractmethod
-    def _moved(self, y: FloatArray) -> FloatArray:
-        """Return ẏ for many y (n, d)."""
+    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
+        """Return ẏ for many y (n, d), which are those of states (n, d)."""
 
     @property
     def acting_parts(self) -> tuple[ActingSkill, ...]:
@@ -245,14 +245,21 @@ class ActingSkill(Skill):
     def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
         """Return ξ̇ for one state (d,), which is not checked."""
         if not self.coordinates.links:
-            return self._moved_at(state)
-        return np.asarray(self._velocities(state[None], None)[0])
+            return self._moved_at(state, state)
+        y, pull = self.coordinates.tangent_at(state - self.attractor)
+        return pull(self._moved_at(y + self.attractor, state))
 
     def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
         if not self.coordinates.links:
-            return self._moved(states)
-        y = self.coordinates.forward(states)
-        return self.coordinates.pull_back(y, self._moved(y))
+            return self._moved(states, states)
+        y, pull = self.coordinates.tangent(states - self.attractor)
+        return pull(self._moved(y + self.attractor, states))
+
+    def lifted(self, states: FloatArray) -> FloatArray:
+        """Return y for states (n, d). Shape (n, d)."""
+        if not self.coordinates.links:
+            return states
+        return self.coordinates.forward(states - self.attractor) + self.attractor
 
     @abstractmethod
     def accelerated(self: AnyActing, factor: float) -> AnyActing:
@@ -265,13 +272,20 @@ class ActingSkill(Skill):
             states: ξ.
             durations: Δt of each step, a number or of shape (n, 1), [s].
         """
-        y = self.coordinates.forward(states)
-        return self.coordinates.back(y + durations * self._moved(y))
+        y = self.lifted(states)
+        ahead = y + durations * self._moved(y, states) - self.attractor
+        return self.coordinates.back(ahead) + self.attractor
+
+    def advanced_at(self, state: FloatArray) -> Callable[[float], FloatArray]:
+        """Return what leads one state (d,) ahead by a step of a given Δt [s], as ``advanced`` does."""
+        goal, coordinates = self.attractor, self.coordinates
+        y = coordinates.forward_at(state - goal)
+        velocity = self._moved_at(y + goal, state)
+        return lambda duration: coordinates.back_at(y + duration * velocity) + goal
 
     def v_distance(self, states: FloatArray) -> FloatArray:
         """Return √V for states (n, d). Shape (n,)."""
-        goal = self.coordinates.forward(self.attractors)
-        return self.form.distance(self.coordinates.forward(states) - goal)
+        return self.form.distance(self.lifted(states) - self.attractor)
 
 
 def contraction_period(skill: Skill) -> float:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray, length
 from skillctl.errors import UsageError
-from skillctl.model.skill import ActingSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 
-BISECTIONS = 40  # of the share of a step that keeps a speed cap, in coordinates that bend it
+SHARES = 40  # tried for the share of a step that keeps a speed cap, in coordinates that bend it
+CLOSE = 1e-10  # a command that is below the cap by at most this share of it is fast enough
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -100,19 +102,36 @@ class Stepper:
 
     def _bent(self, state: FloatArray, part: int, max_speed: float | None) -> Step:
         """Step one state in coordinates that are not the identity."""
-        acting = self.skill.acting_parts[part]
-        command = self._command(acting, state, 1.0)
-        if max_speed is not None and length(command) > max_speed:
-            low, high = 0.0, 1.0
-            for _ in range(BISECTIONS):
-                middle = 0.5 * (low + high)
-                fits = length(self._command(acting, state, middle)) <= max_speed
-                low, high = (middle, high) if fits else (low, middle)
-            command = self._command(acting, state, low)
-        return Step(moved(self.skill.space, state, command, self.period), command, part)
+        skill, duration = self.skill, self.period * self.skill.outer_speed
+        ahead = skill.acting_parts[part].advanced_at(state)
 
-    def _command(self, acting: ActingSkill, state: FloatArray, share: float) -> FloatArray:
-        """Return the constant velocity that leads to where a share of the full step ends."""
-        duration = share * self.period * self.skill.outer_speed
-        ahead = acting.advanced(state[None], duration)[0]
-        return np.asarray(self.skill.space.difference(ahead, state) / self.period)
+        def command_of(share: float) -> FloatArray:
+            """Return the constant velocity that leads to where a share of the full step ends."""
+            return skill.space.difference(ahead(share * duration), state) / self.period
+
+        command = command_of(1.0)
+        if max_speed is not None and length(command) > max_speed:
+            command = _within(command_of, max_speed)
+        return Step(moved(skill.space, state, command, self.period), command, part)
+
+
+def _within(command_of: Callable[[float], FloatArray], cap: float) -> FloatArray:
+    """Return the command of about the largest share in [0, 1] that keeps a cap which that of 1 exceeds.
+
+    The length of a command is nearly proportional to the share, so the Illinois method (regula falsi that
+    halves the end which stays) needs a handful of trials where bisection needs forty.
+    """
+    low, high, below, above = 0.0, 1.0, -cap, length(command_of(1.0)) - cap
+    best = command_of(0.0)
+    for _ in range(SHARES):
+        share = (low * above - high * below) / (above - below)
+        command = command_of(share)
+        excess = length(command) - cap
+        if excess > 0:
+            high, above, below = share, excess, 0.5 * below
+            continue
+        best = command
+        if excess >= -CLOSE * cap:
+            break
+        low, below, above = share, excess, 0.5 * above
+    return best

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from tempfile import NamedTemporaryFile
 from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -22,6 +25,15 @@ COMMANDED_SHARE = 0.95  # of the largest joint velocity, because motors and torq
 Shapes: TypeAlias = Literal["all", "collision", "none"]
 Body = TypeVar("Body", bound="ArmBody")
 Quaternion: TypeAlias = tuple[float, float, float, float]  # q_xyzw
+
+
+@contextmanager
+def described(text: str) -> Iterator[str]:
+    """Yield the name of a file with this text, which Bullet can read within the block."""
+    with NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        yield file.name
 
 
 class ArmBody:
@@ -42,8 +54,9 @@ class ArmBody:
         Args:
             model: The arm.
             base_yaw: Turn of the base about the vertical, [rad].
-            shapes: Shapes of the arm that are loaded: ``all``, ``collision`` (Bullet computes inertias from
-                these), or ``none``, which loads thirty times as fast and is enough for kinematics.
+            shapes: Shapes of the arm that are loaded: ``all``, ``collision`` (from which Bullet computes the
+                inertias of a built-in arm; an arm by path has those of its file), or ``none``, which loads
+                thirty times as fast and is enough for kinematics.
             gui: Show the world in a window (see ``gui``).
         """
         self.model = model
@@ -54,11 +67,16 @@ class ArmBody:
             "none": bullet.URDF_IGNORE_VISUAL_SHAPES | bullet.URDF_IGNORE_COLLISION_SHAPES,
         }
         turn = (0.0, 0.0, math.sin(base_yaw / 2), math.cos(base_yaw / 2))
-        self.body: int = bullet.loadURDF(
-            str(model.path), baseOrientation=turn, useFixedBase=True, flags=flags[shapes]
-        )
+        placed = {"baseOrientation": turn, "useFixedBase": True}
+        if model.text:
+            own = bullet.URDF_USE_INERTIA_FROM_FILE
+            with described(model.text) as file:
+                self.body = int(bullet.loadURDF(file, flags=flags[shapes] | own, **placed))
+        else:
+            self.body = int(bullet.loadURDF(str(model.path), flags=flags[shapes], **placed))
+        bullet.setGravity(0.0, 0.0, -9.81)
         self.indices = list(model.indices)
-        for joint, place in model.others:
+        for joint, place in model.fingers:
             bullet.resetJointState(self.body, joint, place)
 
     def __enter__(self: Body) -> Body:
@@ -75,6 +93,14 @@ class ArmBody:
         """Return the hand's position (3,) [m] and orientation q_xyzw, both in the world."""
         state = self.bullet.getLinkState(self.body, self.model.tip, computeForwardKinematics=1)
         return np.array(state[4]), state[5]
+
+    def carrying(self, joints: FloatArray) -> FloatArray:
+        """Return the torques (n,) [Nm] that carry the arm at rest at joints (n,) [rad]."""
+        places = np.zeros(len(self.model.columns) + len(self.model.fingers))
+        places[self.model.columns] = joints
+        rest = [0.0] * len(places)
+        torques = self.bullet.calculateInverseDynamics(self.body, places.tolist(), rest, rest)
+        return np.array(torques)[self.model.columns]
 
     def link_names(self) -> list[str]:
         """Return the names of all links but the base, in Bullet's order."""
@@ -137,14 +163,18 @@ class LiveArm(ABC):
         self._highest = np.array(body.model.upper) - STOP_MARGIN
         self._fastest = np.array(body.model.max_velocity)
         bullet = body.bullet
-        bullet.setGravity(0.0, 0.0, -9.81)
         bullet.setTimeStep(self.period)
         bullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
-        for joint, place in body.model.others:
+        for joint, place in body.model.fingers:
             bullet.setJointMotorControl2(
                 body.body, joint, bullet.POSITION_CONTROL, targetPosition=place, force=FINGER_FORCE
             )
         self.place(joints)
+
+    @property
+    def place_now(self) -> FloatArray:
+        """Where the skill takes the arm to be: the position of its hand, shape (3,), [m]."""
+        return self.state.hand
 
     @property
     @abstractmethod

@@ -33,7 +33,11 @@ class ArmModel:
         fingers: Finger joints and their open positions, [m].
         reach_centre: Middle of the comfortable workspace in front of the arm, [m].
         yaw_share: How far the hand turns towards the azimuth of its position: 0 ahead, 1 radially.
-        held: Other joints, neither of the arm nor fingers of a known gripper, and their fixed positions.
+        tip_link: Name of that link.
+        joints: Names of the arm's joints.
+        text: Description for Bullet of an arm by file (see ``for_bullet``); empty for the others.
+        held: Joints of an arm by file that are not the arm's, and where they are fixed.
+        notes: What was not taken from the file, in sentences.
     """
 
     name: str
@@ -51,7 +55,11 @@ class ArmModel:
     fingers: tuple[tuple[int, float], ...]
     reach_centre: tuple[float, float, float]
     yaw_share: float
-    held: tuple[tuple[int, float], ...] = ()
+    tip_link: str
+    joints: tuple[str, ...]
+    text: str = ""
+    held: tuple[tuple[str, float], ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def n_joints(self) -> int:
@@ -66,14 +74,9 @@ class ArmModel:
         return Path(pybullet_data.getDataPath()) / self.urdf
 
     @property
-    def others(self) -> tuple[tuple[int, float], ...]:
-        """All joints that are not the arm's, and their fixed positions."""
-        return self.fingers + self.held
-
-    @property
     def columns(self) -> list[int]:
         """Indices of the arm's joints among all movable joints, in Bullet's order."""
-        movable = sorted([*self.indices, *(joint for joint, _ in self.others)])
+        movable = sorted([*self.indices, *(joint for joint, _ in self.fingers)])
         return [movable.index(joint) for joint in self.indices]
 
     def home_joints(self, pitch: float) -> Angles:
@@ -105,6 +108,8 @@ PANDA = ArmModel(
     finger_axis=-1,
     fingers=((9, 0.04), (10, 0.04)),
     reach_centre=(0.50, 0.0, 0.60),
+    tip_link="panda_grasptarget",
+    joints=tuple(f"panda_joint{i}" for i in range(1, 8)),
     yaw_share=0.5,  # at a shelf, 0 brings the elbow near the boards or a wall, 1 the forearm
 )
 # The model in pybullet_data has the link lengths of the LBR iiwa 14 R820 (0.36, 0.42, 0.40 m).
@@ -123,6 +128,8 @@ IIWA = ArmModel(
     finger_axis=1,
     fingers=(),
     reach_centre=(0.60, 0.0, 0.60),
+    tip_link="lbr_iiwa_link_7",
+    joints=tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8)),
     yaw_share=0.5,
 )
 XARM6 = ArmModel(
@@ -140,6 +147,8 @@ XARM6 = ArmModel(
     finger_axis=-1,
     fingers=(),
     reach_centre=(0.45, 0.0, 0.45),
+    tip_link="link6",
+    joints=tuple(f"joint{i}" for i in range(1, 7)),
     yaw_share=1.0,  # with six joints, less than 1 takes the wrist through its singularity
 )
 ARMS = {arm.name: arm for arm in (PANDA, IIWA, XARM6)}  # the first is the default

@@ -14,7 +14,7 @@ from skillctl.progress import Progress
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
-from skillctl.simulation.options import Plane
+from skillctl.simulation.options import HandPolicy, Plane
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 from skillctl.workers import WorkerDied, Workers
@@ -30,7 +30,8 @@ class Trace:
     """What an overview shows of an episode.
 
     Attributes:
-        arm, base_yaw, plane: The arm, how far its base is turned [rad], and the plane of a 2-D skill.
+        arm, hand, base_yaw: The arm, the orientation of its hand, how far its base is turned [rad].
+        plane: Plane of a 2-D skill.
         joints, fingers: Its posture at the start, shapes (n,) and (m,).
         path: Positions of the hand, shape (k, 3), [m].
         cup: Pose of the cup at the start, (7,); NaN without a cup.
@@ -39,6 +40,7 @@ class Trace:
     """
 
     arm: ArmModel
+    hand: HandPolicy
     base_yaw: float
     plane: Plane | None
     joints: FloatArray
@@ -133,6 +135,7 @@ def _trace(episode: Episode) -> Trace:
     approach = series.phases == 0
     return Trace(
         arm=episode.setup.arm,
+        hand=episode.setup.hand,
         base_yaw=episode.setup.base_yaw,
         plane=episode.setup.placement.plane,
         joints=series.joints[0],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,18 @@ class View:
     colours: np.ndarray[Any, np.dtype[np.uint8]]
     depths: FloatArray
     surface: IntArray
+
+    def through(self, body: int, behind: View, opacity: float) -> View:
+        """Return the picture with a body translucent; ``behind`` is the same one without it.
+
+        Args:
+            body: Bullet's number of it.
+            behind: What lies behind it.
+            opacity: Of the body, from 0 to 1.
+        """
+        share = opacity * (self.surface == body)[:, :, None]
+        colours = share * self.colours + (1 - share) * behind.colours
+        return replace(behind, colours=np.rint(colours).astype(np.uint8))
 
 
 class Camera:
@@ -79,13 +91,13 @@ class Camera:
         Bullet's shadows have jagged edges. The share of light that a shadow leaves a pixel does not depend
         on the colour there, so these shares are blurred, for each body by itself.
         """
-        lit, depths, surface = self._rendered(body, shadow=False)
-        shaded, _, _ = self._rendered(body, shadow=True)
-        share = shaded.sum(axis=2) / np.maximum(lit.sum(axis=2), 1.0)
-        softened = blurred_within(np.minimum(share, 1.0), surface)
-        return View(np.rint(lit * softened[:, :, None]).astype(np.uint8), depths, surface)
+        lit, shaded = self.plain(body), self.plain(body, shadow=True)
+        share = shaded.colours.sum(axis=2) / np.maximum(lit.colours.sum(axis=2), 1.0)
+        softened = blurred_within(np.minimum(share, 1.0), lit.surface)
+        return replace(lit, colours=np.rint(lit.colours * softened[:, :, None]).astype(np.uint8))
 
-    def _rendered(self, body: ArmBody, *, shadow: bool) -> tuple[FloatArray, FloatArray, IntArray]:
+    def plain(self, body: ArmBody, *, shadow: bool = False) -> View:
+        """Return the picture as Bullet draws it, without shadows or with hard ones."""
         bullet = body.bullet
         aspect = self.width / self.height
         _, _, colours, buffer, bodies = bullet.getCameraImage(
@@ -102,10 +114,19 @@ class Camera:
             renderer=bullet.ER_TINY_RENDERER,
         )
         shape = (self.height, self.width)
-        pixels = np.reshape(np.asarray(colours, dtype=np.float64), (*shape, 4))[:, :, :3]
+        pixels = np.reshape(np.asarray(colours, dtype=np.uint8), (*shape, 4))[:, :, :3]
         buffered = np.reshape(np.asarray(buffer, dtype=np.float64), shape)
         depths = FAR * NEAR / (FAR - (FAR - NEAR) * buffered)
-        return pixels, depths, np.reshape(np.asarray(bodies, dtype=np.int64), shape)
+        return View(pixels, depths, np.reshape(np.asarray(bodies, dtype=np.int64), shape))
+
+
+def in_front(near: View, far: View) -> View:
+    """Return a picture in which what ``near`` shows hides what is behind it in ``far``."""
+    found = View(far.colours.copy(), far.depths.copy(), far.surface.copy())
+    hiding = (near.surface >= 0) & (near.depths < far.depths)
+    for name in ("colours", "depths", "surface"):
+        getattr(found, name)[hiding] = getattr(near, name)[hiding]
+    return found
 
 
 def blurred_within(shares: FloatArray, areas: IntArray) -> FloatArray:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.camera import Camera
+from skillctl.simulation.camera import Camera, View
 from skillctl.simulation.episode import spread_out
-from skillctl.simulation.stage import Stage
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -22,34 +22,39 @@ SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
 HAZE = (2.2, 4.0)  # [m] from the camera to the floor, which fades into the sky between these distances
 
 
+def under_sky(view: View, floor: int) -> View:
+    """Return a view whose floor, the body of this number, fades into a sky."""
+    fraction = np.linspace(0.0, 1.0, len(view.colours))[:, None]
+    sky = ((1 - fraction) * SKY_TOP + fraction * SKY_LOW)[:, None, :]
+    haze = np.clip((view.depths - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0, 1.0)
+    haze *= view.surface == floor
+    haze[view.surface < 0] = 1.0
+    blended = (1 - haze[:, :, None]) * view.colours + haze[:, :, None] * sky
+    return replace(view, colours=np.rint(blended).astype(np.uint8))
+
+
 class Canvas:
-    """A view of a stage with a transparent layer over it.
+    """A view with a transparent layer over it.
 
     Widths and radii are in pixels of the finished picture.
     """
 
-    def __init__(self, stage: Stage, camera: Camera, size: tuple[int, int]) -> None:
-        """Args: stage; camera; size of the finished picture, width and height."""
-        self._camera, self._size, self._floor = camera, size, stage.floor
-        self._view = camera.render(stage)
-        self._layer = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (0, 0, 0, 0))
+    def __init__(
+        self, view: View, camera: Camera, size: tuple[int, int], sampling: int = SUPERSAMPLING
+    ) -> None:
+        """Args: view; its camera; size of the finished picture; how much larger the layer is."""
+        self._view, self._camera, self._size, self._sampling = view, camera, size, sampling
+        self._layer = Image.new("RGBA", (sampling * size[0], sampling * size[1]), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
 
     def image(self) -> Image.Image:
-        """Return the picture; the floor fades into the sky, and the layer lies above all."""
-        view = self._view
-        colours = view.colours.astype(np.float64)
-        fraction = np.linspace(0.0, 1.0, len(colours))[:, None]
-        sky = ((1 - fraction) * SKY_TOP + fraction * SKY_LOW)[:, None, :]
-        haze = np.clip((view.depths - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0, 1.0)
-        haze *= view.surface == self._floor
-        haze[view.surface < 0] = 1.0
-        blended = (1 - haze[:, :, None]) * colours + haze[:, :, None] * sky
-        scene = Image.fromarray(np.rint(blended).astype(np.uint8)).resize(
-            self._size, Image.Resampling.LANCZOS
-        )
-        drawn = self._layer.reduce(SUPERSAMPLING)
-        return Image.alpha_composite(scene.convert("RGBA"), drawn).convert("RGB")
+        """Return the picture; the layer lies above all."""
+        scene = Image.fromarray(self._view.colours)
+        if scene.size != self._size:
+            scene = scene.resize(self._size, Image.Resampling.LANCZOS)
+        drawn = self._layer.reduce(self._sampling)
+        scene.paste(drawn, mask=drawn)
+        return scene
 
     def line(self, points: FloatArray, colour: Colour, width: float) -> None:
         """Draw a line through points (n, 3)."""
@@ -61,7 +66,7 @@ class Canvas:
             self._draw.line(
                 [tuple(pixel) for pixel in stretch.tolist()],
                 fill=(*colour, FAINT if hidden[run[0]] else SEEN),
-                width=round(SUPERSAMPLING * width),
+                width=round(self._sampling * width),
                 joint="curve",
             )
         if not hidden[0]:
@@ -84,26 +89,28 @@ class Canvas:
         """Draw a ring around a point (3,); it is never faint, so that it is found easily."""
         x, y = self._pixels(point[None])[0].tolist()
         for tint, size, width in ((WHITE, radius + 1.2, 4.4), (colour, radius, 2.0)):
-            r = SUPERSAMPLING * size
-            self._draw.ellipse((x - r, y - r, x + r, y + r), outline=tint, width=round(SUPERSAMPLING * width))
+            r = self._sampling * size
+            self._draw.ellipse(
+                (x - r, y - r, x + r, y + r), outline=tint, width=round(self._sampling * width)
+            )
 
     def cross(self, point: FloatArray, colour: Colour, radius: float) -> None:
         """Draw a diagonal cross at a point (3,); never faint."""
         x, y = self._pixels(point[None])[0].tolist()
-        r = SUPERSAMPLING * radius
+        r = self._sampling * radius
         for tint, width in ((WHITE, 5.0), (colour, 2.4)):
             for slope in (-1, 1):
                 ends = (x - r, y - slope * r, x + r, y + slope * r)
-                self._draw.line(ends, fill=tint, width=round(SUPERSAMPLING * width))
+                self._draw.line(ends, fill=tint, width=round(self._sampling * width))
 
     def _pixels(self, points: FloatArray) -> FloatArray:
         return self._camera.project(points)[0] * self._layer.size
 
     def _thinned(self, points: FloatArray, spacing: float) -> FloatArray:
         """Return the points (n, 3) at about equal distances in the picture, first and last included."""
-        return np.asarray(points[spread_out(self._pixels(points) / SUPERSAMPLING, spacing)])
+        return np.asarray(points[spread_out(self._pixels(points) / self._sampling, spacing)])
 
     def _disc(self, pixel: FloatArray, radius: float, fill: tuple[int, int, int, int]) -> None:
         x, y = pixel.tolist()
-        r = SUPERSAMPLING * radius
+        r = self._sampling * radius
         self._draw.ellipse((x - r, y - r, x + r, y + r), fill=fill)

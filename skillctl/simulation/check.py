@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from skillctl.arrays import length
+from skillctl.arrays import FloatArray, length
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.episode import RefusedError, Setup
+from skillctl.simulation.episode import RefusedError, Setup, Unit
 from skillctl.simulation.ik import Kinematics
+from skillctl.simulation.joint_space import within
+from skillctl.simulation.motion import Plan
 from skillctl.simulation.options import HandPolicy
-from skillctl.simulation.prepare import prepare
+from skillctl.simulation.prepare import arm_of, prepare
 from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scene import SceneBodies
+
+STRIDE = 8  # control periods between the postures whose torques and contacts are computed
 
 
 @dataclass(frozen=True)
@@ -25,8 +31,11 @@ class Reachability:
         reachable: Whether start, path and target can be reached.
         reason: What cannot be reached, in one sentence; else empty.
         arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        tip, held, notes: The link that is the hand; for an arm by file, joints that do not move and where
+            they stay, and what was not taken from the file.
         scale, origin: The placement: workspace = origin [m] + scale · coordinates.
-        start, target: Positions in the workspace, [m].
+        start, target: Positions in the workspace, [m]; joints for a skill that moves joints.
+        unit: That of start and target: ``m``, or ``rad``.
         duration: Duration of the ideal motion, [s].
         start_residual, target_residual: Smallest distance of the hand to them, [m].
         path_residual: Largest distance of the hand to the path, [m].
@@ -35,6 +44,7 @@ class Reachability:
         tightest_joint: The joint with this margin, from 1.
         velocity_ratio: Largest joint velocity of the ideal motion, over the limit. Above 1 the arm slows the
             motion down, on the same path.
+        torque_ratio: Largest joint torque that carries the arm at rest on the path, over the limit.
     """
 
     reachable: bool
@@ -54,13 +64,18 @@ class Reachability:
     joint_margin: float | None = None
     tightest_joint: int | None = None
     velocity_ratio: float | None = None
+    torque_ratio: float | None = None
+    unit: Unit = "m"
+    tip: str | None = None
+    held: dict[str, float] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def check(skill: Skill, scenario: Scenario) -> Reachability:
     """Return whether an arm can reach the start, the path and the target of a skill.
 
-    Placement, hand and base are chosen as in ``simulate``. Torques, contacts and disturbances are not
-    checked; only ``simulate`` shows those.
+    Placement, hand and base are chosen as in ``simulate``. Of the torques, only those that carry the arm are
+    checked, and of contacts those of the ideal motion; disturbances are not. Only ``simulate`` shows those.
 
     Raises:
         UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
@@ -70,51 +85,128 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
         try:
             setup = prepare(skill, scenario)
         except RefusedError as refusal:
-            return Reachability(False, str(refusal), scenario.arm)
+            arm = arm_of(scenario)
+            return Reachability(
+                False, str(refusal), arm.name, tip=arm.tip_link, held=dict(arm.held), notes=arm.notes
+            )
         with ArmBody(setup.arm, setup.base_yaw, shapes="none") as body:
-            return _along(setup, Kinematics(body, setup.hand, setup.base_yaw), scenario)
+            return _along(setup, body, Kinematics(body, setup.hand, setup.base_yaw), scenario)
 
 
-def _along(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> Reachability:
-    """Follow the plan, one control period after the other, as far as there are joints for it."""
-    plan, arm = setup.plan, setup.arm
+class _Way(NamedTuple):
+    """Postures (k, n) along the plan as far as there are any, its ends, and how far the hand is off, [m]."""
+
+    postures: FloatArray
+    start: FloatArray
+    target: FloatArray
+    start_residual: float
+    target_residual: float
+    path_residual: float
+    lost: tuple[float, ...] | None
+
+
+def _by_hand(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> _Way:
+    """Follow the plan by inverse kinematics, one control period after the other."""
+    plan = setup.plan
     start = plan.positions[0]
     if scenario.start is not None:
         start = setup.placement.to_workspace(np.array(scenario.start))
     start_residual = length(kinematics.forward(setup.joints) - start)
     solutions = list(kinematics.along(plan.positions[1:], setup.joints))
     lost = None
-    if solutions and not solutions[-1].accepted:
-        lost = tuple(plan.positions[len(solutions)].tolist())
-    followed = np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)])
+    if solutions:
+        last, whole = solutions[-1], len(solutions) == len(plan.positions) - 1
+        if not last.accepted or (whole and last.residual >= scenario.tolerance):
+            lost = tuple(plan.positions[len(solutions)].tolist())
+    return _Way(
+        np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)]),
+        start,
+        plan.target,
+        start_residual,
+        kinematics.search(plan.target).residual,
+        max([start_residual, *(each.residual for each in solutions)]),
+        lost,
+    )
+
+
+def _by_joints(setup: Setup, plan: Plan) -> _Way:
+    """Follow a plan of the joints up to the first limit; the hand is nowhere off."""
+    beyond = np.flatnonzero(~within(plan.positions, setup.arm).all(axis=1))
+    count = int(beyond[0]) if beyond.size else len(plan.positions)
+    lost = tuple(setup.plan.positions[count].tolist()) if beyond.size else None
+    return _Way(plan.positions[:count], plan.positions[0], plan.target, 0.0, 0.0, 0.0, lost)
+
+
+def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenario) -> Reachability:
+    """Return what the postures along the plan show."""
+    plan, arm = setup.plan, setup.arm
+    if setup.joint_plan is None:
+        way = _by_hand(setup, kinematics, scenario)
+    else:
+        way = _by_joints(setup, setup.joint_plan)
+    followed, lost = way.postures, way.lost
     margins = np.minimum(followed - arm.lower, arm.upper - followed)
+    limited = np.isfinite(margins.min())
     speeds = np.abs(np.diff(followed, axis=0)) / CONTROL_PERIOD / arm.max_velocity
+    sampled = [*followed[::STRIDE], followed[-1]]
+    torques = np.abs([body.carrying(joints) for joints in sampled]) / arm.max_torque
+    reason = _reason(setup, lost, torques.max(axis=0)) or _touched(setup, scenario, sampled)
     return Reachability(
-        reachable=lost is None and plan.arrived,
-        reason=_reason(setup, lost),
+        reachable=not reason,
+        reason=reason,
         arm=arm.name,
+        tip=arm.tip_link,
+        held=dict(arm.held),
+        notes=arm.notes,
         hand=setup.hand,
         base_yaw=setup.base_yaw,
         scale=setup.placement.scale,
         origin=tuple(setup.placement.origin.tolist()),
-        start=tuple(start.tolist()),
-        target=tuple(plan.target.tolist()),
+        start=tuple(way.start.tolist()),
+        target=tuple(way.target.tolist()),
         duration=plan.duration,
-        start_residual=start_residual,
-        target_residual=kinematics.search(plan.target, scenario.seed).residual,
-        path_residual=max([start_residual, *(each.residual for each in solutions)]),
+        unit=setup.unit,
+        start_residual=way.start_residual,
+        target_residual=way.target_residual,
+        path_residual=way.path_residual,
         lost_at=lost,
-        joint_margin=float(margins.min()),
-        tightest_joint=int(margins.min(axis=0).argmin()) + 1,
+        joint_margin=float(margins.min()) if limited else None,
+        tightest_joint=int(margins.min(axis=0).argmin()) + 1 if limited else None,
         velocity_ratio=float(speeds.max(initial=0.0)),
+        torque_ratio=float(torques.max()),
     )
 
 
-def _reason(setup: Setup, lost: tuple[float, ...] | None) -> str:
+def _touched(setup: Setup, scenario: Scenario, postures: list[FloatArray]) -> str:
+    """Return what the arm would touch first in one of the postures, in a sentence; else nothing."""
+    if not scenario.furnished:
+        return ""
+    with ArmBody(setup.arm, setup.base_yaw, shapes="collision") as body:
+        scene = SceneBodies(body, scenario)
+        for joints in postures:
+            body.pose(joints)
+            for contact in scene.contacts_now():
+                if contact.thing != "cup":
+                    x, y, z = body.hand()[0]
+                    place = f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+                    return f"{contact.link} would touch the {contact.thing} with the hand at {place}."
+    return ""
+
+
+def _reason(setup: Setup, lost: tuple[float, ...] | None, torques: FloatArray) -> str:
     if lost is not None:
         x, y, z = lost
         return (
             f"the path cannot be followed beyond ({x:.3f}, {y:.3f}, {z:.3f}) m: the arm would have to jump "
             "to another posture, or has none."
+            if setup.joint_plan is None
+            else "a joint would have to pass its limit."
+        )
+    if torques.max() >= 1:
+        joint = int(torques.argmax())
+        limit = setup.arm.max_torque[joint]
+        return (
+            f"joint {joint + 1} cannot carry the arm on this path: that takes "
+            f"{limit * torques[joint]:.3g} Nm of its {limit:.3g} Nm."
         )
     return "" if setup.plan.arrived else "the skill itself does not reach its target within a minute."

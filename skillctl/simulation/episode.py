@@ -35,7 +35,7 @@ Outcome: TypeAlias = Literal[
 ]
 """How an episode ended. The first two are successes:
 
-- ``reached``: the hand stayed within the tolerance of the target for the settle time;
+- ``reached``: the hand stayed within the tolerance of the true target for the settle time;
 - ``grasped``: the cup was lifted and held, and the arm never touched the scene.
 
 The others are failures:
@@ -44,15 +44,17 @@ The others are failures:
 - ``unreachable``: there were no joints for the reference, for a quarter of a second or from the start;
 - ``joint_limit``: the same, with a joint at its limit;
 - ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite;
-- ``shelf_contact``: the arm touched the scene;
+- ``shelf_contact``: the arm touched the scene or an obstacle;
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
-- ``missed``: the cup was not between both fingers when they had closed;
+- ``missed``: the cup was not between both fingers when they had closed; without a cup: the hand stayed where
+  it perceived its target, and that is elsewhere;
 - ``dropped``: the cup was not lifted far enough, or not held to the end;
 - ``start_collision``: the arm touches something where it starts.
 """
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped")
 
+Unit: TypeAlias = Literal["m", "rad"]
 Phase: TypeAlias = Literal["approach", "close", "lift", "hold"]
 PHASES: tuple[Phase, ...] = get_args(Phase)
 
@@ -75,6 +77,8 @@ class Setup:
         joints: Posture at the start, shape (n,), [rad].
         plan: The ideal motion from there to the true target, undisturbed.
         followable: Whether neighbouring joints exist all along the plan.
+        duration: Duration of the plan at the speed of the arm's joints, [s].
+        joint_plan: The plan in joint angles, for a skill that moves joints; else None.
     """
 
     skill: Skill
@@ -85,6 +89,13 @@ class Setup:
     joints: FloatArray
     plan: Plan
     followable: bool
+    duration: float
+    joint_plan: Plan | None = None
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the target and of the errors: metres of the hand, or radians of the joints."""
+        return "m" if self.joint_plan is None else "rad"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,7 +139,8 @@ class Metrics:
     """The figures of one episode. A figure that does not exist is NaN.
 
     Distances to the target, tracking, deviation and path length are measured until a lift begins, while the
-    skill moves the hand; the other figures are of the whole episode.
+    skill moves the hand; the other figures are of the whole episode. For a skill that moves joints, final
+    error and tracking are distances of the joints, [rad].
 
     Attributes:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
@@ -139,7 +151,7 @@ class Metrics:
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
         path_ratio: Length of the hand's path over that of the ideal rollout; NaN if the latter is 0.
         clearance: Smallest distance of arm and scene, [m]; negative if they penetrated.
-        joint_margin: Smallest distance of any joint to its limit, [rad].
+        joint_margin: Smallest distance of any joint to its limit, [rad]; NaN if no joint has limits.
         velocity_ratio, torque_ratio: Largest measured |q̇| and |τ| over the real arm's limits.
         joint_jump: Largest change of a joint in one control period, [rad].
         ik_residual: Largest inverse-kinematics residual, [m].
@@ -228,7 +240,7 @@ def measure(
     aside = (cup - series.targets)[open_hand]  # without the jumps of the target, which the hand did not cause
     return Metrics(
         final_error=float(distances[-1]),
-        time_to_target=_arrival(distances, series.times[by_skill], tolerance),
+        time_to_target=arrival(distances, series.times[by_skill], tolerance),
         simulated_time=float(series.times[-1]),
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
@@ -236,7 +248,7 @@ def measure(
         plan_deviation=float(distances_to_path(thinned(hand, SPACING), planned).max()),
         path_ratio=float(path_length(hand)) / planned_length if planned_length > tolerance else np.nan,
         clearance=_smallest(series.clearances),
-        joint_margin=float(margins.min()),
+        joint_margin=float(margins.min()) if np.isfinite(margins.min()) else np.nan,
         velocity_ratio=float((np.abs(series.velocities) / model.max_velocity).max()),
         torque_ratio=float((np.abs(series.torques) / model.max_torque).max()),
         joint_jump=float(np.abs(np.diff(series.joints, axis=0)).max(initial=0.0)),
@@ -254,8 +266,8 @@ def _smallest(values: FloatArray) -> float:
     return float(measured.min()) if measured.size else np.nan
 
 
-def _arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
-    """Return the time since which the distance has stayed within the tolerance, NaN if it is outside."""
+def arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
+    """Return the time since which the distance (T,) has stayed within the tolerance, NaN if it is outside."""
     outside = np.flatnonzero(distances > tolerance)
     first = int(outside[-1]) + 1 if outside.size else 0
     return float(times[first]) if first < len(distances) else np.nan

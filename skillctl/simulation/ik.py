@@ -14,6 +14,7 @@ from skillctl.simulation.options import HandPolicy
 
 HAND_PITCH: dict[HandPolicy, float] = {"horizontal": 0.25, "down": math.pi / 2, "free": 0.25}  # [rad]
 
+EASE = 0.05  # [rad] from all limits: such a posture is taken without looking for others
 DAMPING = 0.003  # per joint, fingers included: Bullet silently ignores a list of another length
 STEP_ITERATIONS, SEARCH_ITERATIONS, SEARCH_RESEEDS, SEARCH_RESTARTS = 20, 100, 20, 8
 IK_THRESHOLD = 1e-6  # Bullet's own stopping criterion
@@ -51,7 +52,7 @@ class Kinematics:
         self.model = model = body.model
         self.lower, self.upper = np.array(model.lower) + LIMIT_MARGIN, np.array(model.upper) - LIMIT_MARGIN
         self.home = np.array(model.home_joints(HAND_PITCH[hand]))
-        self._damping = [DAMPING] * (model.n_joints + len(model.others))
+        self._damping = [DAMPING] * (model.n_joints + len(model.fingers))
         self._columns = model.columns
         if model.pitch_joint is None:  # its home need not hold the hand as asked
             self.home = self._ready()
@@ -67,7 +68,7 @@ class Kinematics:
         cosine, sine = math.cos(self._base_yaw), math.sin(self._base_yaw)
         middle = np.array([cosine * x - sine * y, sine * x + cosine * y, z])
         for point in (self.forward(self.home), middle):
-            solution = self.search(point, seed=0)
+            solution = self.search(point)
             if solution.accepted:
                 return solution.joints
         return self.home
@@ -93,27 +94,32 @@ class Kinematics:
                 return
             joints = solution.joints
 
-    def search(self, point: FloatArray, seed: int) -> Solution:
+    def search(self, point: FloatArray) -> Solution:
         """Return joints for a hand at ``point`` (3,), from no joints near by; this decides reachability.
 
-        It starts from the ready posture, from the same turned towards the point, then from random postures
-        drawn with ``seed``. A result within 0.1 mm and 1 degree is accepted; without one it is the closest.
+        It starts from the ready posture, from the same turned towards the point, then from random postures,
+        which are the same at every call. A result within 0.1 mm and 1 degree is accepted. The first one whose
+        joints are far enough from their limits is returned, else the one that is farthest from them, and
+        without any the closest.
         """
-        generator = np.random.default_rng(seed)
         turned = self.home.copy()
         turned[0] = self._relative_azimuth(point)
-        starts = [
-            self.home,
-            turned,
-            *generator.uniform(self.lower, self.upper, (SEARCH_RESTARTS, len(turned))),
-        ]
+        lowest, highest = np.maximum(self.lower, -math.pi), np.minimum(self.upper, math.pi)
+        restarts = np.random.default_rng(0).uniform(lowest, highest, (SEARCH_RESTARTS, len(turned)))
         best = Solution(self.home, math.inf, False)
-        for start in starts:
+        for start in (self.home, turned, *restarts):
             solution = self._search_from(np.clip(start, self.lower, self.upper), point)
-            if solution.accepted:
+            if solution.accepted and self.margin(solution.joints) >= EASE:
                 return solution
-            best = min(best, solution, key=lambda each: each.residual)
+            best = max(best, solution, key=self._quality)
         return best
+
+    def margin(self, joints: FloatArray) -> float:
+        """Return the smallest distance of joints (n,) to their limits, [rad]."""
+        return float(np.minimum(joints - self.lower, self.upper - joints).min())
+
+    def _quality(self, solution: Solution) -> tuple[bool, float]:
+        return solution.accepted, self.margin(solution.joints) if solution.accepted else -solution.residual
 
     def _search_from(self, joints: FloatArray, point: FloatArray) -> Solution:
         residual, angle = math.inf, math.inf

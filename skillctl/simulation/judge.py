@@ -10,7 +10,7 @@ import numpy as np
 from skillctl.arrays import FloatArray, length
 from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.disturbances import jumped
-from skillctl.simulation.episode import Outcome
+from skillctl.simulation.episode import Outcome, Unit
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.scenario import Scenario
 
@@ -26,6 +26,13 @@ class Verdict:
     detail: str = ""
 
 
+def apart(distance: float, unit: Unit, *, fine: bool = False) -> str:
+    """Return how far the arm was from its target, in words; ``fine``: metres in millimetres."""
+    if unit == "rad":
+        return f"the joints were {distance:.2f} rad from their target"
+    return f"the hand was {f'{1e3 * distance:.0f} mm' if fine else f'{distance:.2f} m'} from its target"
+
+
 class Judge:
     """Decides when a motion is over, and how it ended.
 
@@ -33,15 +40,18 @@ class Judge:
         farthest: Distance to the nearest target from which on the motion counts as diverged, [m].
     """
 
-    def __init__(self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD) -> None:
-        """Args: plan of the motion, without disturbances; scenario; control period, [s]."""
+    def __init__(
+        self, plan: Plan, scenario: Scenario, period: float = CONTROL_PERIOD, unit: Unit = "m"
+    ) -> None:
+        """Args: plan of the motion, without disturbances; scenario; control period, [s]; unit of the plan."""
+        self._unit = unit
         distances = np.linalg.norm(plan.positions - plan.target, axis=1)
         planned = distances.max() if plan.arrived else distances[0]
         self.farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
         self._tolerance = scenario.tolerance
         self._settle_steps = math.ceil(scenario.settle_time / period)
         self._refusals = math.ceil(UNREACHABLE_TIME / period)
-        self._steps_near = 0  # control periods within the tolerance so far, in a row
+        self._near_true, self._near_seen = 0, 0  # control periods within the tolerance so far, in a row
 
     def failure(
         self, motion: Motion, hand: FloatArray, velocity: FloatArray, tracking: Tracking
@@ -51,7 +61,7 @@ class Judge:
         if not np.isfinite(velocity).all():
             return Verdict("diverged", "the skill's velocity was not a number")
         if not distance < self.farthest:
-            return Verdict("diverged", f"the hand was {distance:.2f} m from its target, and going away")
+            return Verdict("diverged", f"{apart(distance, self._unit)}, and going away")
         if tracking.refusals < self._refusals:
             return None
         where = "({:.2f}, {:.2f}, {:.2f}) m".format(*tracking.reference)
@@ -60,8 +70,24 @@ class Judge:
         joint = tracking.at_limit + 1
         return Verdict("joint_limit", f"joint {joint} would have to pass its limit for the hand at {where}")
 
-    def settled(self, motion: Motion, hand: FloatArray) -> Verdict | None:
-        """Return ``reached`` when the hand has stayed at the target for long enough, else None."""
-        near = length(hand - motion.target(hand)) < self._tolerance
-        self._steps_near = self._steps_near + 1 if near else 0
-        return Verdict("reached") if self._steps_near > self._settle_steps else None
+    def settled(self, motion: Motion, hand: FloatArray, seen_off: FloatArray) -> Verdict | None:
+        """Return ``reached`` when the hand has stayed at its target for long enough, else None.
+
+        The target is the true one. A hand that stays where it perceives the target, beyond the tolerance of
+        the true one, has ``missed`` it.
+
+        Args:
+            motion: The motion, towards the perceived target.
+            hand: Position of the hand, shape (3,), [m].
+            seen_off: Offset of the perceived target from the true one, shape (3,), [m].
+        """
+        seen = motion.target(hand)
+        off = length(hand - (seen - seen_off))
+        self._near_true = self._near_true + 1 if off < self._tolerance else 0
+        self._near_seen = self._near_seen + 1 if length(hand - seen) < self._tolerance else 0
+        if self._near_true > self._settle_steps:
+            return Verdict("reached")
+        if self._near_seen > self._settle_steps and length(seen_off) >= self._tolerance:
+            away = f"{1e3 * off:.0f} mm from its target"
+            return Verdict("missed", f"the hand stopped {away}, which it perceived there")
+        return None

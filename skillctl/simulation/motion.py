@@ -39,7 +39,7 @@ class Motion:
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._controller = Controller(skill, period, allow_unproved=True)
         self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
-        self._moved = np.zeros(3)
+        self._moved = np.zeros(len(placement.origin))
         self._speed = 0.0
 
     def move(self, offset: FloatArray) -> None:
@@ -109,8 +109,15 @@ class Plan:
         return CONTROL_PERIOD * (len(self.positions) - 1)
 
 
-def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: FloatArray) -> Plan:
-    """Return the ideal motion from a workspace position (3,)."""
+def plan_motion(
+    skill: Skill,
+    placement: Placement,
+    scenario: Scenario,
+    start: FloatArray,
+    *,
+    farthest: float = WORKSPACE_RADIUS,
+) -> Plan:
+    """Return the ideal motion from a workspace position (3,); it ends ``farthest`` from zero, [m]."""
     motion = Motion(skill, placement, scenario)
     position = start
     positions = [position]
@@ -119,7 +126,7 @@ def plan_motion(skill: Skill, placement: Placement, scenario: Scenario, start: F
         velocity = motion.velocity(position)
         # An Euler step in the workspace is right here, whatever the space of the skill is.
         position = position + CONTROL_PERIOD * velocity
-        if not length(position) < WORKSPACE_RADIUS:
+        if not length(position) < farthest:
             break
         positions.append(position)
         if length(motion.target(position) - position) < PLAN_ARRIVAL * scenario.tolerance:

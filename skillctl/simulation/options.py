@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
-from skillctl.options import MOTION, changed, option, read_numbers
+from skillctl.options import MOTION, changed, option, read_numbers, read_point
 from skillctl.simulation.arms import ARMS
 
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
@@ -25,12 +25,21 @@ HOME = "home"
 
 def read_start(text: str) -> tuple[float, ...] | str:
     """Read ``home``, or coordinates; or raise ValueError."""
-    return text if text == HOME else read_numbers(text)
+    return text if text == HOME else read_point(text)
 
 
 def read_target(text: str) -> tuple[float, ...] | str:
     """Read ``cup``, or coordinates; or raise ValueError."""
-    return text if text == "cup" else read_numbers(text)
+    return text if text == "cup" else read_point(text)
+
+
+def read_held(text: str) -> tuple[str, float]:
+    """Read ``JOINT=Q``, or raise ValueError."""
+    joint, sign, place = text.rpartition("=")
+    if not (sign and joint):
+        raise ValueError(f"{text!r} is not JOINT=Q, as in torso_lift_joint=0.2.")
+    (number,) = _numbers(place, 1)
+    return joint.strip(), number
 
 
 def read_cup(text: str) -> dict[str, Any]:
@@ -81,13 +90,21 @@ class ScenarioOptions:
     tip: str | None = option(
         metavar="LINK",
         group=PLACING,
-        help="Hand of an arm by file: one of its links. Default: the last before it branches.",
+        help="Hand of an arm by file: one of its links. Default: chosen by structure and names, and printed.",
     )
     home: tuple[float, ...] | None = option(
         read=read_numbers,
         metavar="Q1,Q2,…",
         group=PLACING,
         help="Ready posture of an arm by file, rad. Default: the middle of each joint's range.",
+    )
+    hold: tuple[tuple[str, float], ...] = option(
+        (),
+        read=read_held,
+        repeated=True,
+        metavar="JOINT=Q",
+        group=PLACING,
+        help="Hold a joint of an arm by file at Q, rad or m, such as a slow torso. May be repeated.",
     )
     start: tuple[float, ...] | str | None = option(
         read=read_start,
@@ -121,7 +138,7 @@ class ScenarioOptions:
         help="Workspace metres per metre of the skill. Default: 1, or a scale with which a 2-D skill fits.",
     )
     origin: tuple[float, ...] | None = option(
-        read=read_numbers,
+        read=read_point,
         metavar="X,Y,Z",
         group=PLACING,
         help="Workspace position of the skill's zero. Default: the arm's base; a 2-D skill is centred "
@@ -183,4 +200,6 @@ class ScenarioOptions:
         disturbances = [values.pop(name, ()) for name in ("push", "move_target", "displace")]
         if values.get("start") == HOME:
             values["start"] = None
+        if "hold" in values:
+            values["hold"] = dict(values["hold"])
         return {**values, "disturbances": sum(disturbances, ())}

@@ -16,7 +16,7 @@ from skillctl.geometry import arc_lengths, box
 from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
-from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour
+from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour, under_sky
 from skillctl.simulation.episode import PHASES, Episode
 from skillctl.simulation.options import Plane
 from skillctl.simulation.stage import Stage
@@ -53,6 +53,7 @@ DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
     "yz": (1.4, -0.45, 0.40),
 }
 SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm, onto the boards
+ARM_OPACITY = 0.6  # in the overview, where it hides no motion
 OVERVIEW_DIRECTION = (-0.85, -1.00, 1.45)  # from above, because there are many cups
 
 
@@ -109,7 +110,7 @@ def encode_overview(
 
 
 class Scenery(Stage):
-    """The world of one episode, and a camera from which all of it can be seen."""
+    """The world of one episode, and a ``camera`` from which all of it can be seen."""
 
     def __init__(
         self, episode: Episode, rows: Iterable[int], size: tuple[int, int], sharpness: float = SHARPNESS
@@ -123,7 +124,7 @@ class Scenery(Stage):
             sharpness: How much larger than that they are rendered.
         """
         scenario, setup, series = episode.scenario, episode.setup, episode.series
-        super().__init__(setup.arm, setup.base_yaw, scenario.scene)
+        super().__init__(setup.arm, setup.base_yaw, scenario)
         self._episode, self._size = episode, size
         self._cup = None if scenario.cup is None else self.add_cup(scenario.cup)
         extents = []
@@ -134,13 +135,18 @@ class Scenery(Stage):
         towards = _direction(setup.placement.plane, setup.base_yaw)
         if scenario.scene is not None:
             towards = np.array(SCENE_DIRECTION)
-        self._camera = Camera(points, towards, *(round(sharpness * length) for length in size))
+        self.camera = Camera(points, towards, *(round(sharpness * length) for length in size))
 
     def picture(self, row: int) -> Image.Image:
         """Return one moment: the trail so far, the plan, the target at that time, and a caption."""
         self._show_row(row)
+        return self._drawn(
+            Canvas(under_sky(self.camera.render(self), self.floor), self.camera, self._size), row
+        )
+
+    def _drawn(self, canvas: Canvas, row: int) -> Image.Image:
+        """Draw the motion of a moment over a picture of it."""
         episode, series = self._episode, self._episode.series
-        canvas = Canvas(self, self._camera, self._size)
         canvas.dots(episode.setup.plan.positions, PLAN, radius=0.9, spacing=7.0)
         canvas.line(series.hand[: row + 1], TRAIL, width=3.0)
         canvas.ring(series.targets[row], TARGET, radius=9.0)
@@ -186,7 +192,8 @@ def _caption(episode: Episode, row: int) -> str:
 def _verdict(episode: Episode) -> str:
     """Return how an episode ended, in a few words."""
     metrics = episode.metrics
-    missed = _length(metrics.final_error)
+    error = metrics.final_error
+    missed = _length(error) if episode.setup.unit == "m" else f"{math.degrees(error):.2f}°"
     match episode.outcome:
         case "reached":
             return f"target reached after {metrics.time_to_target:.1f} s, {missed} off"
@@ -204,7 +211,7 @@ def _length(metres: float) -> str:
 def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.Image:
     """Return a picture of the world with all episodes in it."""
     scene, first = visible[0][0].scenario.scene, visible[0][1]
-    with silenced(1), Stage(first.arm, first.base_yaw, scene) as stage:
+    with silenced(1), Stage(first.arm, first.base_yaw, visible[0][0].scenario) as stage:
         stage.show(first.joints, first.fingers)
         for row, trace in visible:
             if row.scenario.cup is not None:
@@ -216,7 +223,10 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
         points = np.vstack([motion, near, stage.arm_extent()])
         towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
         camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
-        canvas = Canvas(stage, camera, OVERVIEW)
+        view = camera.render(stage)
+        with stage.without_arm():
+            view = view.through(stage.body, camera.render(stage), ARM_OPACITY)
+        canvas = Canvas(under_sky(view, stage.floor), camera, OVERVIEW)
     for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
     for row, trace in visible:

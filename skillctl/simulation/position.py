@@ -1,4 +1,4 @@
-"""An arm with position motors: a reference moves with the skill's velocity, and the motors follow it."""
+"""Arms with position motors: a reference moves with the skill's velocity, and the motors follow it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Follower:
         return int(clamped[0]) if clamped.size else None
 
 
-class PositionArm(LiveArm):
+class MotorArm(LiveArm):
     """An arm whose position motors hold against pushes, with the torque limits of the real arm.
 
     A position motor is a velocity constraint: a push of 40 to 60 N does not move the arm, and a push that
@@ -66,9 +66,8 @@ class PositionArm(LiveArm):
 
     period = CONTROL_PERIOD
 
-    def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
-        """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
-        self._follower = Follower(kinematics, joints)
+    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad]."""
         super().__init__(body, joints)
         n = body.model.n_joints
         self._motors = {
@@ -76,18 +75,6 @@ class PositionArm(LiveArm):
             "positionGains": [POSITION_GAIN] * n,
             "velocityGains": [VELOCITY_GAIN] * n,
         }
-
-    @property
-    def tracking(self) -> Tracking:
-        """How well the joints follow the reference."""
-        return self._follower.tracking
-
-    def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
-        """Let one period pass: see ``LiveArm``."""
-        joints = self._follower.joints
-        share = self._follower.advance(velocity, self.state.hand)
-        self.turn(joints, self._follower.joints, push)
-        return share
 
     def turn(self, joints: FloatArray, goal: FloatArray, push: FloatArray | None = None) -> None:
         """Move from ``joints`` (n,), where the motors should be now, to ``goal`` (n,) in one period.
@@ -105,6 +92,27 @@ class PositionArm(LiveArm):
             **self._motors,
         )
         self._step(push)
+
+
+class PositionArm(MotorArm):
+    """An arm whose hand follows a reference, by inverse kinematics and position motors."""
+
+    def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
+        self._follower = Follower(kinematics, joints)
+        super().__init__(body, joints)
+
+    @property
+    def tracking(self) -> Tracking:
+        """How well the joints follow the reference."""
+        return self._follower.tracking
+
+    def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
+        """Let one period pass: see ``LiveArm``."""
+        joints = self._follower.joints
+        share = self._follower.advance(velocity, self.state.hand)
+        self.turn(joints, self._follower.joints, push)
+        return share
 
     def place(self, joints: FloatArray) -> None:
         """Put the joints at these angles (n,) [rad], at rest, and the reference with them."""

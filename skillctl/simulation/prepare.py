@@ -10,11 +10,14 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, retargeted
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
+from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
+from skillctl.simulation.obstacles import require_meshes
 from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.placement import Placement, placements
 from skillctl.simulation.scenario import Scenario
@@ -39,7 +42,10 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
             (see ``placements``, ``require_gripper``).
         RefusedError: No choice lets the hand be both at the start and at the target.
     """
-    model = find_arm(scenario.arm, scenario.tip, scenario.home)
+    model = arm_of(scenario)
+    require_meshes(scenario.obstacles)
+    if moves_joints(skill):
+        return joint_setup(skill, model, scenario)
     require_gripper(model, scenario)
     if scenario.start is not None and len(scenario.start) != skill.dimension:
         raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
@@ -59,14 +65,19 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
                 except RefusedError as error:
                     refusal = error
                     continue
-                followable = _followable(kinematics, joints, plan)
-                setup = Setup(moved, model, placement, hand, base_yaw, joints, plan, followable)
+                followable, duration = _rehearsed(kinematics, joints, plan)
+                setup = Setup(moved, model, placement, hand, base_yaw, joints, plan, followable, duration)
                 if followable:
                     return setup
                 fallback = fallback or setup
     if fallback is None:
         raise refusal
     return fallback
+
+
+def arm_of(scenario: Scenario) -> ArmModel:
+    """Return the scenario's arm; errors are those of ``find_arm``."""
+    return find_arm(scenario.arm, scenario.tip, scenario.home, tuple(scenario.hold.items()))
 
 
 def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
@@ -92,9 +103,9 @@ def _start_and_plan(
 ) -> tuple[FloatArray, Plan]:
     joints, point = kinematics.home, _start(placement, scenario)
     if point is not None:
-        joints = _required("start", point, kinematics.search(point, scenario.seed), scenario)
+        joints = _required("start", point, kinematics.search(point), scenario)
     plan = plan_motion(skill, placement, scenario, kinematics.forward(joints))
-    _required("target", plan.target, kinematics.search(plan.target, scenario.seed), scenario)
+    _required("target", plan.target, kinematics.search(plan.target), scenario)
     return joints, plan
 
 
@@ -115,14 +126,24 @@ def _required(name: str, point: FloatArray, solution: Solution, scenario: Scenar
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(
         "unreachable",
-        f"unreachable: the {name} ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside the workspace of the "
-        f"{scenario.arm} arm; the closest posture found leaves the hand {missed:.0f} mm away.",
+        f"unreachable: no posture of the {scenario.arm} arm was found for the {name} "
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m; the closest leaves the hand {missed:.0f} mm away.",
         hint=f"Choose another --{option}, or move the whole skill with --origin.",
     )
 
 
-def _followable(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> bool:
-    """Return whether neighbouring joints exist all along the plan, without dynamics."""
+def _rehearsed(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> tuple[bool, float]:
+    """Return whether neighbouring joints exist all along the plan, without dynamics, and how long it takes.
+
+    The duration [s] is that of the plan, and longer where the arm's joints are slower than the plan.
+    """
     rehearsed = [*plan.positions[::REHEARSAL_STRIDE], plan.positions[-1]]
-    solutions = kinematics.along(rehearsed, joints)
-    return all(solution.accepted and solution.residual < REHEARSAL_RESIDUAL for solution in solutions)
+    fastest = COMMANDED_SHARE * np.array(kinematics.model.max_velocity)
+    duration = plan.duration
+    for solution in kinematics.along(rehearsed, joints):
+        if not (solution.accepted and solution.residual < REHEARSAL_RESIDUAL):
+            return False, plan.duration
+        needed = float((np.abs(solution.joints - joints) / fastest).max())
+        duration += max(0.0, needed - REHEARSAL_STRIDE * CONTROL_PERIOD)
+        joints = solution.joints
+    return True, duration

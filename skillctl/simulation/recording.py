@@ -112,7 +112,7 @@ def _columns(episode: Episode) -> dict[str, np.ndarray[Any, Any]]:
     add([f"finger{finger}" for finger in range(1, series.fingers.shape[1] + 1)], series.fingers)
     if episode.scenario.cup is not None:
         add(["cup_x", "cup_y", "cup_z", "cup_qx", "cup_qy", "cup_qz", "cup_qw"], series.cups)
-    if episode.scenario.scene is not None:
+    if episode.scenario.furnished:
         columns["contacts"], columns["clearance"] = series.contacts, series.clearances
     return columns
 

@@ -17,7 +17,8 @@ from skillctl.simulation.episode import Episode, Phase, RefusedError, Setup, mea
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.ik import Kinematics, Solution
-from skillctl.simulation.judge import Judge, Verdict
+from skillctl.simulation.joint_space import JointArm, joint_limits, joint_metrics
+from skillctl.simulation.judge import Judge, Verdict, apart
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import Control
 from skillctl.simulation.position import PositionArm
@@ -27,7 +28,7 @@ from skillctl.simulation.scenario import MoveTarget, Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.torque import TorqueArm
 
-HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the plan's duration; [s]
+HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the duration that the joints allow; [s]
 PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
 DISPLACED_STEP = 0.01  # [m], in which inverse kinematics follows a displaced hand
@@ -50,7 +51,8 @@ def simulate(
     arm avoids other obstacles, or itself.
 
     Args:
-        skill: Any skill over hand positions in two or three dimensions.
+        skill: Any skill over hand positions in two or three dimensions, or over the angles of the
+            arm's joints.
         scenario: Arm, placement, scene, start, target, limits, disturbances.
         progress: Called every tenth of a simulated second, with milliseconds simulated and at most.
         gui: Show it in a window, in real time.
@@ -72,13 +74,18 @@ def simulate(
             run = _Run(setup, scenario, twin, body)
             verdict = run.drive(progress, Pace() if gui else None)
     series = run.recorder.series()
+    metrics = measure(series, setup.plan, setup.arm, _near(scenario), run.recorder.touched)
+    if isinstance(run.arm, JointArm):
+        metrics = joint_metrics(
+            metrics, series, run.motion.target(run.arm.place_now), run.arm.gaps, scenario.tolerance
+        )
     return Episode(
         scenario=scenario,
         setup=setup,
         outcome=verdict.outcome,
         detail=verdict.detail,
         series=series,
-        metrics=measure(series, setup.plan, setup.arm, _near(scenario), run.recorder.touched),
+        metrics=metrics,
         wall_seconds=time.perf_counter() - began,
     )
 
@@ -97,13 +104,15 @@ class _Run:
         self.setup, self.scenario = setup, scenario
         self.scene = SceneBodies(body, scenario)
         self.kinematics = Kinematics(twin, setup.hand, setup.base_yaw)
-        self.arm: LiveArm = CONTROLLED[scenario.control](body, setup.joints, self.kinematics)
+        control = CONTROLLED[scenario.control] if setup.joint_plan is None else JointArm
+        self.arm: LiveArm = control(body, setup.joints, self.kinematics)
         self.perception = Perception(scenario)
         self.schedule = Schedule(scenario.disturbances)
-        self.motion = Motion(setup.skill, setup.placement, scenario, self.arm.period)
-        self.seen_off = np.zeros(3)  # from the true target to the perceived one
+        limits = scenario if setup.joint_plan is None else joint_limits(scenario, setup.arm)
+        self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period)
+        self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
-        self.judge = Judge(setup.plan, scenario, self.arm.period)
+        self.judge = Judge(setup.joint_plan or setup.plan, scenario, self.arm.period, setup.unit)
         self.grasping = None
         if scenario.cup is not None:
             self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)
@@ -115,6 +124,8 @@ class _Run:
 
     def _look(self) -> None:
         """Perceive the target, with a new error."""
+        if not self.scenario.target_error:
+            return
         seen_off = self.perception.read_target()
         self.motion.move(seen_off - self.seen_off)
         self.seen_off = seen_off
@@ -133,41 +144,46 @@ class _Run:
                 pace.wait(now)
             if progress is not None and step % every == 0:
                 progress("moving", round(1e3 * now), round(1e3 * horizon))
-        hand = self.arm.state.hand
-        away = 1e3 * length(hand - self.motion.target(hand))
-        return Verdict("timeout", f"the hand was {away:.0f} mm from its target after {horizon:.1f} s")
+        place = self.arm.place_now
+        away = apart(length(place - self._true_target(place)), self.setup.unit, fine=True)
+        return Verdict("timeout", f"{away} after {horizon:.1f} s")
+
+    def _true_target(self, place: FloatArray) -> FloatArray:
+        return self.motion.target(place) - self.seen_off
 
     def _step(self, now: float) -> Verdict | None:
         """Measure, judge, and let one period pass; return how the episode ended, None if it goes on."""
-        hand = self.arm.state.hand
+        place = self.arm.place_now
         contacts = self.scene.contacts()
         velocity = self.grasping.velocity(now, self.arm.tracking.reference) if self.grasping else None
         by_skill = velocity is None
         if velocity is None:
-            velocity = self.motion.velocity(self.perception.hand(hand))
-        target = self.motion.target(hand)
-        self.recorder.add(now, self.motion.part, self._phase, target - self.seen_off, contacts)
-        verdict = self._verdict(now, hand, velocity, contacts)
+            velocity = self.motion.velocity(self.perception.hand(place))
+        target = self._true_target(place)
+        if self.setup.joint_plan is not None:
+            target = self.kinematics.forward(target)
+        self.recorder.add(now, self.motion.part, self._phase, target, contacts)
+        verdict = self._verdict(now, place, velocity, contacts)
         if verdict is not None:
             return verdict
         share = self.arm.drive(velocity, self.schedule.push(now))
         if by_skill:
             self.motion.slowed(share)
         if self.grasping:
-            self.grasping.proceed(now, length(hand - self.motion.target(hand)))
+            self.grasping.proceed(now, length(place - self.motion.target(place)))
         return None
 
     def _verdict(
-        self, now: float, hand: FloatArray, velocity: FloatArray, contacts: list[Contact]
+        self, now: float, place: FloatArray, velocity: FloatArray, contacts: list[Contact]
     ) -> Verdict | None:
         began = self.grasping.began if self.grasping else 0.0
         for contact in contacts:
             if contact.thing != "cup":
                 when = f"{now - began:.1f} s into the {self._phase}"
                 return Verdict("shelf_contact", f"{contact.link} touched the {contact.thing} {when}")
-        failure = self.judge.failure(self.motion, hand, velocity, self.arm.tracking)
+        failure = self.judge.failure(self.motion, place, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
-            return failure or self.judge.settled(self.motion, hand)
+            return failure or self.judge.settled(self.motion, place, self.seen_off)
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
 
     def _disturbed(self, now: float) -> Verdict | None:
@@ -223,4 +239,4 @@ class _Run:
         after = grasp.close_time + grasp.lift_time + grasp.hold_time if scenario.cup else 0.0
         if not plan.arrived:
             return plan.duration + end + after
-        return HORIZON_FACTOR * plan.duration + HORIZON_SLACK + end + after
+        return HORIZON_FACTOR * self.setup.duration + HORIZON_SLACK + end + after

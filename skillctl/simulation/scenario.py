@@ -15,6 +15,12 @@ rules check it in all three cases. Its TOML form has the same names:
     position = [0.62, 0.10]
     board = "top"
 
+    [[obstacles]]
+    kind = "box"                 # or "cylinder" with radius and height, or "mesh" with file
+    name = "crate"
+    position = [0.5, -0.3, 0.1]
+    size = [0.2, 0.2, 0.2]
+
     [[disturbances]]
     kind = "move-target"
     time = 0.8
@@ -102,6 +108,53 @@ class Table(Part):
 
 
 Scene: TypeAlias = Annotated[Shelf | Table, Field(discriminator="kind")]
+
+
+class BoxObstacle(Part):
+    """A box that does not move. The arm must not touch it.
+
+    Attributes:
+        name: What reports call it.
+        position: Its middle, [m].
+        yaw: Turn about the vertical, [rad].
+        size: Its edges along x, y and z before the turn, [m].
+    """
+
+    kind: Literal["box"] = "box"
+    name: str = "box"
+    position: Point
+    yaw: Number = 0.0
+    size: tuple[Positive, Positive, Positive]
+
+
+class CylinderObstacle(Part):
+    """An upright cylinder; see ``BoxObstacle``."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    name: str = "cylinder"
+    position: Point
+    yaw: Number = 0.0
+    radius: Positive
+    height: Positive
+
+
+class MeshObstacle(Part):
+    """A mesh, whose origin is at ``position``; see ``BoxObstacle``.
+
+    Attributes:
+        file: A binary STL, OBJ or DAE file; a relative name is relative to the scenario's file.
+        scale: Metres per unit of the mesh.
+    """
+
+    kind: Literal["mesh"] = "mesh"
+    name: str = "mesh"
+    position: Point
+    yaw: Number = 0.0
+    file: str
+    scale: Positive = 1.0
+
+
+Obstacle: TypeAlias = Annotated[BoxObstacle | CylinderObstacle | MeshObstacle, Field(discriminator="kind")]
 
 
 class Cup(Part):
@@ -227,7 +280,8 @@ class Scenario(Part):
 
     Attributes:
         arm: A name in ``ARMS``, or the path of a URDF file.
-        tip, home: The hand of an arm by path, a link, and its ready posture, [rad] (see ``find_arm``).
+        tip, home, hold: The hand of an arm by path, a link; its ready posture, [rad]; joints that do not
+            move, and where they stay, [rad] or [m] (see ``find_arm``).
         start: Start of the motion, in the skill's own coordinates. None: the arm's ready posture; in a scene
             10 cm before its front edge, 13 cm above the lowest board.
         target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
@@ -243,14 +297,16 @@ class Scenario(Part):
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
-        tolerance: Distance to the target that counts as reached, [m].
+        tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
         settle_time: Time for which the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: by the duration of the plan.
         noise: Standard deviation of the measured position of the hand, per coordinate, [m].
         target_error: Standard deviation of the perceived target, per horizontal coordinate, [m]; it is drawn
-            at the start, and again when the target moves. Skill and ``tolerance`` use the perceived target.
-        seed: Seed of noise, target error, sampling, and the random postures tried in searches.
+            at the start, and again when the target moves. The skill goes to the perceived target; success is
+            judged by the true one.
+        seed: Seed of noise, target error and sampling.
         scene: The furniture in front of the arm. None: nothing.
+        obstacles: Other things that the arm must not touch, with or without furniture.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
         grasp: How the hand grasps and lifts.
         disturbances: Pushes and jumps, with their times.
@@ -261,6 +317,7 @@ class Scenario(Part):
     arm: Annotated[str, Field(strict=True)] = "panda"
     tip: Annotated[str, Field(strict=True)] | None = None
     home: Vector | None = None
+    hold: dict[str, Number] = Field(default_factory=dict)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
     plane: Plane | None = None
@@ -279,6 +336,7 @@ class Scenario(Part):
     seed: Seed = 0
     episodes: Count = 1
     scene: Scene | None = None
+    obstacles: tuple[Obstacle, ...] = ()
     cup: Cup | None = None
     grasp: Grasp = Grasp()
     disturbances: tuple[Disturbance, ...] = ()
@@ -306,7 +364,7 @@ class Scenario(Part):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scenario:
-        if self.arm not in ARMS and not self.arm.endswith(".urdf"):
+        if self.arm not in ARMS and "." not in self.arm and "/" not in self.arm:
             raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
         if self.cup is not None and self.scene is None:
             raise ValueError("cup: it needs something to stand on, as in --scene shelf or --scene table.")
@@ -318,6 +376,11 @@ class Scenario(Part):
                     f"{back:g} and y from {-half:g} to {half:g}."
                 )
         return self
+
+    @property
+    def furnished(self) -> bool:
+        """Whether there is something that the arm must not touch."""
+        return self.scene is not None or bool(self.obstacles)
 
     @property
     def grasping(self) -> bool:
@@ -333,5 +396,18 @@ class Scenario(Part):
         return Scenario(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
 
 
-PARTS = (Scenario, Shelf, Table, Cup, Grasp, Push, MoveTarget, Displace, Sampling)
+PARTS = (
+    Scenario,
+    Shelf,
+    Table,
+    BoxObstacle,
+    CylinderObstacle,
+    MeshObstacle,
+    Cup,
+    Grasp,
+    Push,
+    MoveTarget,
+    Displace,
+    Sampling,
+)
 KEYS = frozenset(name for part in PARTS for name in part.model_fields)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from skillctl.errors import InputDataError, UsageError
-from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scenario import MeshObstacle, Obstacle, Scenario
 from skillctl.toml_files import read_toml
 
 HEADING = "# What `skillctl simulate` runs. Lengths are in metres, times in seconds, angles in radians.\n"
+BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that TOML needs no quotes for
 HINT = "`skillctl simulate --print-scenario` writes one with every key."
 
 
@@ -24,9 +26,18 @@ def read_scenario(path: Path) -> Scenario:
     """
     document = read_toml(path, "scenario", HINT)
     try:
-        return Scenario(**document)
+        scenario = Scenario(**document)
+        obstacles = [_anchored(obstacle, path.parent) for obstacle in scenario.obstacles]
+        return scenario.changed(obstacles=obstacles) if obstacles else scenario
     except UsageError as error:
         raise InputDataError(f"{path}: {error}", hint=error.hint or HINT) from None
+
+
+def _anchored(obstacle: Obstacle, folder: Path) -> Obstacle:
+    """Return an obstacle whose mesh is named from anywhere, not only from the folder of the scenario."""
+    if not isinstance(obstacle, MeshObstacle) or "://" in obstacle.file:
+        return obstacle
+    return obstacle.model_copy(update={"file": str(folder.resolve() / obstacle.file)})
 
 
 def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
@@ -59,16 +70,21 @@ def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
 def to_toml(scenario: Scenario) -> str:
     """Return a scenario as TOML with every key that has a value; reading it gives an equal scenario."""
     values = scenario.model_dump(exclude_none=True)
-    events: Sequence[Mapping[str, Any]] = values.pop("disturbances")
     tables = [(f"[{key}]", values.pop(key)) for key in list(values) if isinstance(values[key], dict)]
-    tables += [("[[disturbances]]", event) for event in events]
+    for key in ("obstacles", "disturbances"):
+        entries: Sequence[Mapping[str, Any]] = values.pop(key)
+        tables += [(f"[[{key}]]", entry) for entry in entries]
     parts = [f"{HEADING}{_lines(values)}"]
     parts += [f"{heading}\n{_lines(table)}" for heading, table in tables if table]
     return "\n".join(parts)
 
 
 def _lines(values: Mapping[str, Any]) -> str:
-    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
+    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in values.items())
+
+
+def _key(key: str) -> str:
+    return key if BARE.fullmatch(key) else _value(key)
 
 
 def _value(value: Any) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.obstacles import add_obstacle
 from skillctl.simulation.options import Board
 from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 
@@ -85,6 +86,8 @@ class SceneBodies:
         """Args: the arm, in its world; the scenario."""
         self._arm = arm
         self._names = {self._add_box(box): box.name for box in boxes(scenario.scene)}
+        for obstacle in scenario.obstacles:
+            self._names[add_obstacle(arm.bullet, obstacle)] = obstacle.name
         self.cup: int | None = None
         if scenario.cup is not None:
             self.cup = self._add_cup(scenario.cup, cup_middle(scenario))

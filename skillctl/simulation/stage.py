@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ArmModel
-from skillctl.simulation.scenario import Cup, Shelf, Table
+from skillctl.simulation.obstacles import add_obstacle
+from skillctl.simulation.scenario import Cup, Scenario
 from skillctl.simulation.scene import Box, boxes
 
 Tint: TypeAlias = tuple[float, float, float, float]  # red, green, blue, opacity, from 0 to 1
@@ -21,6 +23,8 @@ FLOOR_SIZE = 4.0  # [m]
 FLOOR: Tint = (0.90, 0.91, 0.93, 1.0)
 WOOD: Tint = (0.88, 0.76, 0.58, 1.0)
 PANEL: Tint = (0.91, 0.89, 0.85, 1.0)
+STONE: Tint = (0.66, 0.70, 0.76, 1.0)
+OUT_OF_SIGHT = (0.0, 0.0, -100.0)  # [m]: below the floor, and behind the far end of every camera
 POST = 0.04  # [m]
 CUP_COLOUR: Tint = (0.22, 0.42, 0.72, 1.0)
 CUP_SIDES = 40
@@ -32,19 +36,23 @@ class Stage(ArmBody):
 
     Attributes:
         floor: Bullet's number of the floor.
-        corners: Corners of all boxes of the scene, shape (n, 3), [m].
+        corners: Corners of all boxes of the scene, and around all obstacles, shape (n, 3), [m].
     """
 
-    def __init__(self, model: ArmModel, base_yaw: float, scene: Shelf | Table | None) -> None:
-        """Args: the arm; turn of its base about the vertical, [rad]; the scene."""
+    def __init__(self, model: ArmModel, base_yaw: float, scenario: Scenario) -> None:
+        """Args: the arm; turn of its base about the vertical, [rad]; the scenario, for what stands around."""
         super().__init__(model, base_yaw)
         size = np.array([FLOOR_SIZE, FLOOR_SIZE, 0.0])
         self.floor = self._add_box(Box("floor", -size - (0, 0, 0.02), size), FLOOR)
         self.corners = np.zeros((0, 3))
-        parts = boxes(scene)
+        parts = boxes(scenario.scene)
         for box in (*parts, *_supports(parts)):
             self._add_box(box, PANEL if box.name in ("rear panel", "post") else WOOD)
             self.corners = np.vstack([self.corners, _corners(box)])
+        for obstacle in scenario.obstacles:
+            lower, upper = self.bullet.getAABB(add_obstacle(self.bullet, obstacle, STONE))
+            corners = _corners(Box(obstacle.name, np.array(lower), np.array(upper)))
+            self.corners = np.vstack([self.corners, corners])
 
     def add_cup(self, cup: Cup, colour: Tint = CUP_COLOUR) -> int:
         """Add a cup, and return Bullet's number of it."""
@@ -61,6 +69,14 @@ class Stage(ArmBody):
         self.pose(joints)
         for (joint, _), place in zip(self.model.fingers, fingers.tolist(), strict=False):
             self.bullet.resetJointState(self.body, joint, place)
+
+    @contextmanager
+    def without_arm(self) -> Iterator[None]:
+        """Have the arm out of sight."""
+        place, turn = self.bullet.getBasePositionAndOrientation(self.body)
+        self.bullet.resetBasePositionAndOrientation(self.body, OUT_OF_SIGHT, turn)
+        yield
+        self.bullet.resetBasePositionAndOrientation(self.body, place, turn)
 
     def arm_extent(self) -> FloatArray:
         """Return points (m, 3) around the arm in its present posture."""

@@ -68,14 +68,26 @@ def encode_rows(rows: Sequence[Row]) -> bytes:
 
     Columns: ``episode``, from 0; ``outcome``; ``success``, 0 or 1; ``seed``; ``start`` and ``target`` of the
     scenario, in the skill's own coordinates; ``cup_x cup_y cup_radius cup_mass cup_friction``; ``part``, the
-    acting part of a combined skill, from 0; the metrics of an episode under their names, in SI units;
-    ``detail``. A value that does not exist is empty; several numbers in a cell are separated by spaces.
+    acting part of a combined skill, from 0; ``hand``, its orientation; the metrics of an episode under their
+    names, in SI units; ``detail``. A value that does not exist is empty; spaces separate several numbers.
     """
     names = [field.name for field in fields(Metrics)]
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(
-        ["episode", "outcome", "success", "seed", "start", "target", *CUP_COLUMNS, "part", *names, "detail"]
+        [
+            "episode",
+            "outcome",
+            "success",
+            "seed",
+            "start",
+            "target",
+            *CUP_COLUMNS,
+            "part",
+            "hand",
+            *names,
+            "detail",
+        ]
     )
     for row in rows:
         scenario, cup = row.scenario, row.scenario.cup
@@ -83,6 +95,7 @@ def encode_rows(rows: Sequence[Row]) -> bytes:
             *(row.index, row.outcome, int(row.success), scenario.seed, scenario.start, scenario.target),
             *([None] * 5 if cup is None else (*cup.place, cup.radius, cup.mass, cup.friction)),
             None if row.trace is None else row.trace.part,
+            None if row.trace is None else row.trace.hand,
             *(None if row.metrics is None else getattr(row.metrics, name) for name in names),
             row.detail,
         ]

@@ -49,7 +49,7 @@ class TorqueArm(LiveArm):
         self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
         self._stiffness = np.array([0.0] * 3 + [ROTATION_STIFFNESS] * 3)[: self._rows]
         self._columns = model.columns
-        places = dict([*zip(model.indices, joints.tolist(), strict=True), *model.others])
+        places = dict([*zip(model.indices, joints.tolist(), strict=True), *model.fingers])
         self._places = np.array([places[joint] for joint in sorted(places)])  # of all movable joints
         self._zeros = [0.0] * len(places)
         self._limits = np.array(model.max_torque)

@@ -3,55 +3,59 @@
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skillctl.errors import InputDataError, NotFoundError, UsageError, did_you_mean, printable
 from skillctl.simulation import probe
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import ArmBody, described
 from skillctl.simulation.arms import ARMS, Angles, ArmModel
 from skillctl.simulation.bullet import load_bullet, silenced
+from skillctl.simulation.for_bullet import for_bullet
+from skillctl.simulation.hand import FEWEST_JOINTS, arm_ends, free_joints, hand_frame
+from skillctl.simulation.robot_file import Joint, Robot, read_robot
 from skillctl.workers.child import Child, ChildDiedError
 from skillctl.workers.limits import Limits
 
 LIMITS = Limits(seconds=60.0, memory=2**32)  # to load the file and its meshes
 MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
-FEWEST_JOINTS = 3  # to move a hand in three dimensions
 REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm meets singularities of the wrist
-FULL_TURN = 2 * math.pi  # [rad]: how far a joint without limits is turned either way
 SURVEY_POSTURES = 400  # from which the comfortable workspace is estimated
 
-Joint = dict[str, Any]  # as ``probe`` describes it
+Held = tuple[tuple[str, float], ...]
 
 
-def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None = None) -> ArmModel:
+def find_arm(
+    name: str, tip: str | None = None, home: tuple[float, ...] | None = None, hold: Held = ()
+) -> ArmModel:
     """Return the arm of this name, or the one in this URDF file.
 
-    The joints of an arm by file are those between its base and the tip; all others are fixed. The limits of
-    position, velocity and torque are the file's; a continuous joint may make one turn either way.
+    The joints of an arm by file are those between its base and the hand; all others are fixed. Masses,
+    inertias and the limits of position, velocity and torque are the file's; a continuous joint has no limits.
 
     Args:
         name: A name in ``ARMS``, or the path of a URDF file.
-        tip: Link whose frame is the hand, its z axis the approach direction. None: the last link before the
-            robot branches into several moving parts.
+        tip: Link whose frame is the hand, its z axis the approach direction. None: chosen by the structure of
+            the robot and the names of its links (see ``hand``).
         home: Ready posture, one number a joint, [rad]. None: the middle of each joint's range.
+        hold: Joints that do not move, with their places, [rad] or [m].
 
     Raises:
-        UsageError: ``tip`` or ``home`` does not fit this arm.
+        UsageError: ``tip``, ``home`` or ``hold`` does not fit this arm.
         NotFoundError: No such arm or file, or PyBullet is not installed.
         InputDataError: The file is damaged, refers to damaged or missing meshes, or describes no arm.
     """
     if name in ARMS:
-        if tip is not None or home is not None:
-            option = "tip" if tip is not None else "home"
-            raise UsageError(
-                f"{option}: the arm {name} has its own; this is for arms by path.",
-                hint="Leave it out.",
-            )
+        for option, given in (("tip", tip), ("home", home), ("hold", hold or None)):
+            if given is not None:
+                raise UsageError(
+                    f"{option}: the arm {name} has its own; this is for arms by path.", hint="Leave it out."
+                )
         return ARMS[name]
     path = Path(name)
     try:
@@ -63,47 +67,52 @@ def find_arm(name: str, tip: str | None = None, home: tuple[float, ...] | None =
     if not path.is_file() or stamp.st_size > MAX_BYTES:
         raise InputDataError(f"{name}: is no file, or larger than {MAX_BYTES / 2**20:.0f} MiB.")
     load_bullet()  # its absence is reported before anything about the file
-    return _read(path.resolve(), stamp.st_mtime_ns, tip, home)
+    paths = tuple(os.environ.get(variable, "") for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"))
+    return _read(path, (path.resolve(), stamp.st_mtime_ns, *paths), tip, home, hold)
 
 
 @lru_cache(maxsize=8)  # every episode of a batch asks for the same arm
-def _read(path: Path, _: int, tip: str | None, home: tuple[float, ...] | None) -> ArmModel:
-    joints = _probed(path)
-    last = _default_tip(joints) if tip is None else _named_link(path, joints, tip)
-    chain = _chain(joints, last)
-    _require_arm(path, joints, chain, last)
-    lower, upper = zip(*map(_range, chain), strict=True)
-    ready = [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)]
+def _read(path: Path, _: object, tip: str | None, home: tuple[float, ...] | None, hold: Held) -> ArmModel:
+    robot = read_robot(path)
+    places = robot.places(dict(hold))
+    hand = _default_hand(robot, places) if tip is None else _named_link(robot, tip)
+    chain = free_joints(robot, hand, places)
+    _require_arm(robot, chain, hand)
+    fixed = _fixed(robot, chain, places)
+    text, notes = for_bullet(robot, fixed)
+    joints, links = _probed(robot, text)
+    lower, upper = (tuple(getattr(joint, end) for joint in chain) for end in ("lower", "upper"))
     model = ArmModel(
         name=path.name,
         title=path.name,
-        urdf=str(path),
-        indices=tuple(joint["index"] for joint in chain),
-        tip=last,
+        urdf=str(path.resolve()),
+        indices=tuple(joints.index(joint.name) for joint in chain),
+        tip=links.index(hand),
+        tip_link=hand,
+        joints=tuple(joint.name for joint in chain),
         lower=lower,
         upper=upper,
-        max_velocity=tuple(joint["velocity"] for joint in chain),
-        max_torque=tuple(joint["torque"] for joint in chain),
-        home=tuple(ready) if home is None else _checked(home, chain),
+        max_velocity=tuple(joint.velocity for joint in chain),
+        max_torque=tuple(joint.effort for joint in chain),
+        home=tuple(map(_middle, chain)) if home is None else _checked(home, chain),
         pitch_joint=None,
         finger_axis=-1,
         fingers=(),
         reach_centre=(0.0, 0.0, 0.0),
         yaw_share=1.0 if len(chain) < REDUNDANT else 0.5,
-        held=tuple(
-            (joint["index"], float(np.clip(0.0, *_range(joint))))
-            for joint in joints
-            if joint["moves"] and joint not in chain
-        ),
+        text=text,
+        held=tuple((name, place) for name, place in fixed.items() if robot.joints[name].moves),
+        notes=(*_mimic_notes(robot, chain, fixed), *notes),
     )
     return replace(model, reach_centre=_reach_centre(model))
 
 
-def _probed(path: Path) -> list[Joint]:
-    """Return the joints of the file, which a process of its own reads."""
+def _probed(robot: Robot, text: str) -> tuple[list[str], list[str]]:
+    """Return the names of joints and links in Bullet's order; another process loads the description first."""
     try:
-        with Child(LIMITS) as child:
-            return list(child.call(probe.joints, str(path)))
+        with described(text) as file, Child(LIMITS) as child:
+            joints, links = child.call(probe.robot, file)
+            return list(joints), list(links)
     except InputDataError as refusal:
         reason = str(refusal)
     except TimeoutError:
@@ -111,90 +120,98 @@ def _probed(path: Path) -> list[Joint]:
     except (ChildDiedError, MemoryError, ValueError) as error:
         how = f"the process that tries {error}" if isinstance(error, ChildDiedError) else str(error)
         reason = f"cannot be loaded ({how or 'no memory is left'}); it, or a mesh it names, is damaged"
-    raise _refused(path, reason)
+    raise robot.refused(reason)
 
 
-def _refused(path: Path, reason: str) -> InputDataError:
-    return InputDataError(
-        printable(f"{path}: this URDF file {reason}."), hint="Check the file and the meshes it names."
+def _default_hand(robot: Robot, places: Mapping[str, float]) -> str:
+    hands = [hand_frame(robot, end, places) for end in arm_ends(robot, places)]
+    if len(hands) == 1:
+        return hands[0]
+    raise InputDataError(
+        printable(f"{robot.path}: this robot has {len(hands)} arms of equal length."),
+        hint=printable(f"Name the hand with --tip: {', '.join(hands)}."),
     )
 
 
-def _default_tip(joints: list[Joint]) -> int:
-    """Return the last link from the base on before the robot branches into several moving parts."""
-    link = -1
-    while below := [joint for joint in joints if joint["parent"] == link]:
-        moving = [joint for joint in below if _moves_something(joint, joints)]
-        if len(moving) > 1:
-            return link
-        link = (moving or below)[-1]["index"]
-    return link
-
-
-def _moves_something(joint: Joint, joints: list[Joint]) -> bool:
-    return joint["moves"] or any(
-        _moves_something(below, joints) for below in joints if below["parent"] == joint["index"]
-    )
-
-
-def _named_link(path: Path, joints: list[Joint], tip: str) -> int:
-    links = {joint["link"]: int(joint["index"]) for joint in joints}
-    if tip in links:
-        return links[tip]
+def _named_link(robot: Robot, tip: str) -> str:
+    if tip in robot.links[1:]:
+        return tip
     raise UsageError(
-        f"tip: {path} has no link {tip!r} beyond its base.",
-        hint=did_you_mean(tip, list(links)) or f"Its links are {', '.join(links)}.",
+        f"tip: {robot.path} has no link {tip!r} beyond its base.",
+        hint=did_you_mean(tip, robot.links[1:]) or f"Its links are {', '.join(robot.links[1:])}.",
     )
 
 
-def _chain(joints: list[Joint], last: int) -> list[Joint]:
-    """Return the moving joints between the base and a link, in this order."""
-    chain, index = [], last
-    while index >= 0:
-        joint = next(joint for joint in joints if joint["index"] == index)
-        chain.append(joint)
-        index = joint["parent"]
-    return [joint for joint in reversed(chain) if joint["moves"]]
-
-
-def _require_arm(path: Path, joints: list[Joint], chain: list[Joint], last: int) -> None:
-    if not any(joint["moves"] for joint in joints):
-        raise _refused(path, "has no joint that moves")
+def _require_arm(robot: Robot, chain: list[Joint], hand: str) -> None:
+    if not any(joint.moves for joint in robot.joints.values()):
+        raise robot.refused("has no joint that moves")
+    for joint in chain:
+        if joint.mimic is not None:
+            raise robot.refused(
+                f"has a joint between base and hand, {joint.name}, that mimics another, {joint.mimic.joint}",
+                "This is not simulated. Name a hand before that joint with --tip, or hold both: "
+                f"--hold {joint.mimic.joint}=0.",
+            )
     if len(chain) < FEWEST_JOINTS:
-        links = {joint["index"]: joint["link"] for joint in joints}
         raise InputDataError(
             printable(
-                f"{path}: between its base and {links.get(last, 'the hand')} this robot has {len(chain)} "
+                f"{robot.path}: between its base and {hand} this robot has {len(chain)} "
                 f"moving joint{'' if len(chain) == 1 else 's'}; a hand needs at least {FEWEST_JOINTS}."
             ),
-            hint=f"Name the hand with --tip: {', '.join(links.values())}.",
+            hint=printable(f"Name the hand with --tip: {', '.join(robot.links[1:])}."),
         )
     for joint in chain:
-        lower, upper = _range(joint)
-        numbers = {"velocity": joint["velocity"], "effort": joint["torque"], "range": upper - lower}
+        if math.isnan(joint.lower) or math.isnan(joint.upper):
+            raise robot.refused(f"gives joint {joint.name} no lower and upper limit")
+        numbers = {"velocity": joint.velocity, "effort": joint.effort}
+        if joint.kind != "continuous":
+            numbers["range"] = joint.upper - joint.lower
         for limit, value in numbers.items():
             if not (math.isfinite(value) and value > 0):
                 raise InputDataError(
-                    printable(f"{path}: joint {joint['name']} has no {limit} limit above zero."),
+                    printable(f"{robot.path}: joint {joint.name} has no {limit} limit above zero."),
                     hint='A joint needs <limit lower="…" upper="…" velocity="…" effort="…"/>.',
                 )
 
 
-def _range(joint: Joint) -> tuple[float, float]:
-    if joint["continuous"]:
-        return -FULL_TURN, FULL_TURN
-    return joint["lower"], joint["upper"]
+def _fixed(robot: Robot, chain: list[Joint], places: Mapping[str, float]) -> dict[str, float]:
+    """Return where the joints stay that are not the arm's: where they are held, else next to 0."""
+    resting = {
+        name: joint.clipped(0.0)
+        for name, joint in robot.joints.items()
+        if joint.moves and joint not in chain and joint.mimic is None
+    }
+    followers = {
+        name: joint.clipped(joint.mimic.offset)
+        for name, joint in robot.joints.items()
+        if joint.mimic is not None and joint not in chain
+    }
+    found = {**followers, **resting, **robot.places(resting), **places}
+    return {name: found[name] for name in robot.joints if name in found}
+
+
+def _mimic_notes(robot: Robot, chain: list[Joint], fixed: Mapping[str, float]) -> list[str]:
+    """Return notes on joints that should follow one of the arm's, and are not between base and hand."""
+    names = [joint.name for joint in chain]
+    return [
+        f"joint {joint.name} mimics {joint.mimic.joint}, but stays where it is: it does not move the hand."
+        for joint in robot.joints.values()
+        if joint.mimic is not None and joint.mimic.joint in names and joint.name in fixed
+    ]
+
+
+def _middle(joint: Joint) -> float:
+    return 0.0 if joint.kind == "continuous" else 0.5 * (joint.lower + joint.upper)
 
 
 def _checked(home: Angles, chain: list[Joint]) -> Angles:
     if len(home) != len(chain):
-        names = ", ".join(joint["name"] for joint in chain)
+        names = ", ".join(joint.name for joint in chain)
         raise UsageError(f"home: expected {len(chain)} numbers ({names}), got {len(home)}.")
     for joint, angle in zip(chain, home, strict=True):
-        lower, upper = _range(joint)
-        if not lower <= angle <= upper:
+        if joint.clipped(angle) != angle:
             raise UsageError(
-                f"home: joint {joint['name']} can be between {lower:g} and {upper:g}, not {angle:g}."
+                f"home: joint {joint.name} can be between {joint.lower:g} and {joint.upper:g}, not {angle:g}."
             )
     return home
 

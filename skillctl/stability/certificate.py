@@ -24,9 +24,9 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
 
     Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. For
     the whole it follows: A SEDS or merged skill is one part. A latched combined skill runs one part to its
-    end. An instantaneous one with one attractor and one P shrinks that P-norm whichever part acts, sliding
-    motions included. In all other cases switching can trap a motion on a border between regions: then only
-    a radius around each attractor is proved, and rollouts search for a witness.
+    end. An instantaneous one with one attractor, one P and one kind of coordinates shrinks that P-norm
+    whichever part acts, sliding motions included. In all other cases switching can trap a motion on a border
+    between regions: then only a radius around each attractor is proved, and rollouts search for a witness.
 
     Args:
         skill: What to certify.
@@ -78,7 +78,9 @@ def _parts_suffice(skill: Skill) -> bool:
     members = skill.acting_parts
     if not skill.reselects or len(members) == 1:
         return True
-    return len(skill.attractors) == 1 and all(part.form == members[0].form for part in members)
+    first = members[0]
+    alike = all(part.form == first.form and part.coordinates == first.coordinates for part in members)
+    return len(skill.attractors) == 1 and alike
 
 
 def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ...]) -> bool:
@@ -96,9 +98,10 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
     for part in parts:
         name = "It" if len(parts) == 1 else f"Part {part.part}"
         if part.proved and part.rate is not None and part.period is not None:
+            bent = ", in its coordinates," if skill.acting_parts[part.part - 1].coordinates.links else ""
             sentences.append(
-                f"{name} shrinks the P-distance to its attractor at {at_least(part.rate)} 1/s or faster, "
-                f"at every controller period up to {at_least(part.period)} s "
+                f"{name} shrinks the P-distance to its attractor{bent} at {at_least(part.rate)} 1/s or "
+                f"faster, at every controller period up to {at_least(part.period)} s "
                 f"({at_most(1 / part.period)} Hz or faster): exact for all {len(part.components)} components."
             )
         if part.radius is not None:
@@ -127,8 +130,9 @@ def _global_statement(skill: Skill) -> str:
 def _open_question(skill: Skill) -> str:
     if len(skill.attractors) == 1:
         return (
-            "The parts have different P, and the instantaneous gate may switch between them for ever: "
-            "no common measure of distance is known to shrink. Combine with a common P, or latched."
+            "The parts have different P or coordinates, and the instantaneous gate may switch between them "
+            "for ever: no common measure of distance is known to shrink. Combine with common ones, or "
+            "latched."
         )
     return (
         "The parts have different attractors, and the instantaneous gate may hold a motion on the border "

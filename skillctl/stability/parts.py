@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import ActingSkill
-from skillctl.stability.exact import Dyadic, decays, is_positive_definite, steps_contract
+from skillctl.stability.exact import (
+    FLOAT64,
+    Dyadic,
+    decays,
+    is_positive_definite,
+    largest_proved,
+    steps_contract,
+)
 from skillctl.stability.report import ComponentCertificate, PartCertificate
 
 MARGIN = 2.0**-40  # about 1e-12: far above float64 rounding of a velocity, far below any useful rate
-# An estimate is good to about 1e-14 times the condition of P, so one of the first factors passes; halving
-# covers matrices so near singular that the estimate is noise.
-SHRINKS = (1 - 2.0**-40, 1 - 2.0**-30, 1 - 2.0**-20, 1 - 2.0**-10, *(2.0**-n for n in range(1, 80)))
-FLOAT64 = np.finfo(np.float64)
 
 
 def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificate:
@@ -46,15 +49,38 @@ def certify_part(number: int, part: ActingSkill, speed: float) -> PartCertificat
     positive = is_positive_definite(lyapunov)
     if not (positive and all(component.proved for component in components)):
         return PartCertificate(number, positive, components, None, None, part.coordinates.check())
-    rate = _largest_proved(
+    rate = largest_proved(
         float(rates.min()), size, lambda r: all(decays(lyapunov, matrix, r) for matrix in matrices)
     )
-    period = _largest_proved(
+    period = largest_proved(
         float(periods.min()),
         1 / size if size > 0 else float(FLOAT64.max),
         lambda t: all(steps_contract(lyapunov, matrix, t) for matrix in matrices),
     )
     return PartCertificate(number, positive, components, rate, period, part.coordinates.check())
+
+
+def proved_rate(part: ActingSkill, speed: float, period: float) -> float | None:
+    """Return r such that every step Δt up to a period shrinks the P-distance by e^(−rΔt) or more, [1/s].
+
+    Args:
+        part: A skill with one P and one attractor.
+        speed: Factor of the combined skill around it, 1 without one.
+        period: [s].
+
+    Returns:
+        None if nothing is proved, as where the period is longer than the certified one.
+    """
+    lyapunov, longest = Dyadic.of(part.lyapunov), Dyadic.of(period)
+    matrices = [
+        Dyadic.of(matrix) * factor
+        for leaf, factor in _leaves(part, Dyadic.of(speed))
+        for matrix in leaf.system_matrices
+    ]
+    estimate = float(part.form.rates(speed * part.component_matrices, period).min())
+    return largest_proved(
+        estimate, 0.0, lambda rate: all(decays(lyapunov, matrix, rate, longest) for matrix in matrices)
+    )
 
 
 def _leaves(skill: ActingSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
@@ -76,21 +102,3 @@ def _estimates(part: ActingSkill, speed: float) -> tuple[FloatArray, FloatArray,
     except np.linalg.LinAlgError:  # P or a matrix is singular to working precision
         unknown = np.full(len(matrices), np.nan)
         return unknown, unknown, size
-
-
-def _largest_proved(estimate: float, fallback: float, passes: Callable[[Dyadic], bool]) -> float | None:
-    """Return the first value at or below the estimate that passes the exact test; None below float64's range.
-
-    Args:
-        estimate: In floating point; not trusted.
-        fallback: Where to start if the estimate is not a positive number.
-        passes: Exact test; what it accepts it accepts for all smaller values too.
-    """
-    start = min(estimate if estimate > 0 else fallback, float(FLOAT64.max))
-    for shrink in SHRINKS:
-        value = start * shrink
-        if value < FLOAT64.tiny:
-            return None
-        if passes(Dyadic.of(value)):
-            return value
-    return None

@@ -12,6 +12,7 @@ from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.skill import Skill
 from skillctl.stability.exact import Dyadic, is_positive_definite, leading_minors
+from skillctl.stability.sublevels import TRIES, Sublevels, sublevels_of
 
 # Exact numbers go through log, exp and sqrt, each good to a few units in the last place (2^-52); this share
 # of the largest term is a million times that.
@@ -25,7 +26,8 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     On the ball ‖ξ − ξ*‖_P ≤ ρ each Gaussian's Mahalanobis distance lies within √m ± ρ √s, where √m is
     its distance at ξ* and s = λ_max(Σ⁻¹, P). That bounds βᵢ pᵢ from below and every other βⱼ pⱼ from
     above. Where the first is larger, part i alone acts; it shrinks the P-norm, so the motion stays in the
-    ball and converges. Valid only for a part that is itself proved. What it does not show: that motions
+    ball and converges. In coordinates other than plain ones the ball is Euclidean, and the motion stays in
+    a {√V ≤ σ} inside it. Valid only for a part that is itself proved. What it does not show: that motions
     from farther away end elsewhere.
 
     Returns:
@@ -36,9 +38,11 @@ def certified_radius(skill: Skill, index: int) -> float | None:
         Theory page, verification; the bounds are ours.
     """
     part = skill.acting_parts[index]
+    bent = bool(part.coordinates.links)
+    norm = np.eye(skill.dimension) if bent else part.lyapunov
     try:
         bounds = [
-            DensityBounds.of(other.density, prior, part.attractor, part.lyapunov)
+            DensityBounds.of(other.density, prior, part.attractor, norm)
             for other, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
@@ -52,7 +56,40 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     if not acts_alone(0.0):
         return None
     rho = _largest(acts_alone, start=1 / float(own.slopes.max()))
-    return _euclidean(rho, part.lyapunov)
+    return _within(sublevels_of(part), part.attractor, rho) if bent else _euclidean(rho, part.lyapunov)
+
+
+def _within(sublevels: Sublevels, attractor: FloatArray, radius: float) -> float | None:
+    """Return R with {‖ξ − ξ*‖ ≤ R} in a {√V ≤ σ} in {‖ξ − ξ*‖ ≤ radius}; None if none was found."""
+    sigma = sublevels.radius(radius)
+    if sigma is None:
+        return None
+    for _ in range(TRIES):
+        level = sublevels.level(attractor - radius, attractor + radius)
+        if level <= sigma**2 * (1 - GUARD):
+            return radius * (1 - GUARD)
+        radius *= 0.95 * max(sigma / math.sqrt(level), 0.1)
+    return None
+
+
+def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[int, ...]:
+    """Return the indices of the parts that may be selected somewhere in the box between two corners (d,).
+
+    All others provably are not: on the ball around the box their largest βᵢ pᵢ is below another's smallest.
+    """
+    everyone = tuple(range(len(skill.acting_parts)))
+    if len(everyone) == 1:
+        return everyone
+    centre, radius = 0.5 * (low + high), 0.5 * (1 + GUARD) * float(np.linalg.norm(high - low))
+    try:
+        bounds = [
+            DensityBounds.of(part.density, prior, centre, np.eye(len(low)))
+            for part, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
+        ]
+    except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
+        return everyone
+    least = max(each.lowest(radius) for each in bounds)
+    return tuple(index for index in everyone if not bounds[index].highest(radius) < least)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -103,6 +103,27 @@ class Sampling:
 
 
 @dataclass(frozen=True, slots=True)
+class Motions:
+    """What seeded motions from a box do: how far bounds are from it is seen here, and nothing is proved.
+
+    Attributes:
+        seed: Of the starts.
+        starts: How many were followed.
+        arrived: How many came within the arrival distance of an attractor.
+        arrival: When the last of them did, [s]; None if not all did in the time they were followed.
+        low: Lowest coordinates that they reached.
+        high: Highest coordinates that they reached.
+    """
+
+    seed: int
+    starts: int
+    arrived: int
+    arrival: float | None
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Certificate:
     """The answer of ``verify-stability`` for one skill.
 

@@ -10,7 +10,8 @@ from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.geometry import box
 from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.skill import Skill
-from skillctl.stability.report import PartCertificate, Sampling
+from skillctl.stability.report import Motions, PartCertificate, Sampling
+from skillctl.stability.sublevels import sublevels_of
 
 STARTS = 100  # if motions from 5 % of the box do not converge, only 1 of 170 searches finds none of them
 DEVIATIONS = 3.0  # the box reaches this many standard deviations around every Gaussian of the data
@@ -47,6 +48,34 @@ def search_witness(skill: Skill, parts: tuple[PartCertificate, ...], seed: int) 
         period=period,
         witness=tuple(starts[active[witness]].tolist()) if found else None,
         witness_end=tuple(end[witness].tolist()) if found and np.isfinite(end[witness]).all() else None,
+    )
+
+
+def follow_box(
+    skill: Skill, low: FloatArray, high: FloatArray, period: float, arrival: float | None, seed: int
+) -> Motions:
+    """Return what seeded motions from the box between ``low`` and ``high``, (d,) each, do.
+
+    Args:
+        skill: Any skill.
+        low: Corner of the box.
+        high: The opposite corner.
+        period: Of the controller, [s].
+        arrival: Time in which all have provably arrived, [s], or None; they are followed no longer.
+        seed: Of the starts; the first two are the corners.
+    """
+    starts = np.random.default_rng(seed).uniform(low, high, (STARTS, len(low)))
+    starts[:2] = low, high
+    longest = SEGMENT * SEGMENTS * period
+    motions = rollout(skill, starts, duration=min(longest, arrival or longest), period=period)
+    least, most = box(motions.positions.reshape(-1, len(low)))
+    return Motions(
+        seed=seed,
+        starts=STARTS,
+        arrived=int(motions.arrived.sum()),
+        arrival=float(motions.arrival_times.max()) if motions.arrived.all() else None,
+        low=tuple(least.tolist()),
+        high=tuple(most.tolist()),
     )
 
 
@@ -87,16 +116,13 @@ def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
 
 
 def _arrival_bound(skill: Skill, parts: tuple[PartCertificate, ...], starts: FloatArray) -> float:
-    """Return the time by which each part on its own has provably arrived from every start; inf if unproved.
-
-    ‖e‖_P ≤ δ √λ_min(P) lies within the arrival distance δ.
-    """
+    """Return when each part on its own has provably arrived from every start; infinite if unproved."""
     times = []
     for part, proof in zip(skill.acting_parts, parts, strict=True):
-        if proof.rate is None:
+        near = None if proof.rate is None else sublevels_of(part).radius(arrival_distance_of(skill))
+        if proof.rate is None or near is None:
             return math.inf
         farthest = float(part.v_distance(starts).max())
-        near = arrival_distance_of(skill) * math.sqrt(float(np.linalg.eigvalsh(part.lyapunov)[0]))
         times.append(math.log(max(farthest / near, math.e)) / proof.rate)
     return max(times)
 

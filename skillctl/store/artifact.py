@@ -121,7 +121,7 @@ def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifac
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise Refusal(f"/{path}: must be finite")
     meta = _load_meta(arrays[META], name, version)
-    _refuse_reserved(meta, arrays)
+    _refuse_reserved(meta)
     space = Euclidean(meta.state.names, meta.state.unit, meta.state.frame)
     d = arrays["model/means"].shape[1]
     if space.dimension != d or len(set(space.names)) != d:
@@ -149,12 +149,11 @@ def _load_meta(stored: Array, name: str, version: int) -> Meta:
     return meta
 
 
-def _refuse_reserved(meta: Meta, arrays: Mapping[str, Array]) -> None:
+def _refuse_reserved(meta: Meta) -> None:
     """Raise LaterFeature for what the format reserves, and this build cannot use."""
     command = meta.operation.command
     reserved = {
         "poses": meta.state.kind == "pose",
-        "learned coordinates": any(path.startswith("coordinates/") for path in arrays),
         "a chain of skills": meta.skill.kind == "chain",
         f"the command {command}": command in {"adapt", "chain"},
         **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},

@@ -55,8 +55,8 @@ ARRAYS: dict[str, ArraySpec] = {
     "demonstrations/part": ArraySpec("<i8", ("D",)),
     "coordinates/linear": ArraySpec("<f8", ("L", "d", "d"), since=2),
     "coordinates/directions": ArraySpec("<f8", ("S", "d"), since=2),
-    "coordinates/centres": ArraySpec("<f8", ("S", "J"), since=2),
-    "coordinates/widths": ArraySpec("<f8", ("S",), since=2),
+    "coordinates/firsts": ArraySpec("<f8", ("S",), since=2),
+    "coordinates/spacings": ArraySpec("<f8", ("S",), since=2),
     "coordinates/coefficients": ArraySpec("<f8", ("S", "J", "d"), since=2),
     "coordinates/leaf": ArraySpec("<i8", ("S",), since=2),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
@@ -12,7 +13,7 @@ from pathlib import Path
 import skillctl
 from skillctl.errors import UsageError
 from skillctl.store.canonical import dump_canonical
-from skillctl.store.schema import InputRecord, Operation, ParentRecord, Provenance
+from skillctl.store.schema import InputRecord, Operation, ParentRecord, Provenance, is_relative, label
 
 # The libraries that compute the numbers; the content does not depend on HDF5.
 LIBRARIES = ("numpy", "scipy")
@@ -21,12 +22,14 @@ LIBRARIES = ("numpy", "scipy")
 def input_record(path: Path, sha256: str, importer: str) -> InputRecord:
     """Return the record of a file: its path as given, or only its name if the path is absolute or leads up.
 
-    So the record names no user and no machine, and does not depend on where the command was started.
+    So the record names no user and no machine, and does not depend on where the command was started. In a
+    name that some system takes for a path elsewhere, such as ``a:0.csv``, underscores make it harmless.
     """
     as_given = Path(os.path.normpath(path))
     inside = not as_given.is_absolute() and ".." not in as_given.parts
+    name = label((as_given if inside else Path(as_given.name)).as_posix()).lstrip("/")
     return InputRecord(
-        path=(as_given if inside else Path(as_given.name)).as_posix(),
+        path=name if is_relative(name) else re.sub(r"[\\:]", "_", name),
         sha256=sha256,
         importer=importer,
     )

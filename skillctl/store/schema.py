@@ -90,8 +90,13 @@ def _is_printable(text: str) -> str:
     return text
 
 
-def _is_relative(path: str) -> str:
-    if path.startswith(("/", "\\")) or re.match("[A-Za-z]:", path) or ".." in re.split(r"[/\\]", path):
+def is_relative(path: str) -> bool:
+    """Return whether no system takes a path for one that is absolute or leads upwards."""
+    return re.match(r"[/\\]|[A-Za-z]:", path) is None and ".." not in re.split(r"[/\\]", path)
+
+
+def _require_relative(path: str) -> str:
+    if not is_relative(path):
         raise ValueError("must be a relative path that does not lead upwards")
     return path
 
@@ -100,7 +105,7 @@ Label = Annotated[str, _tidied(label, str), Field(max_length=MAX_LABEL), AfterVa
 Text = Annotated[str, Field(max_length=MAX_TEXT), AfterValidator(_is_printable)]
 Note = Annotated[Text, Field(min_length=1)]
 Name = Annotated[Label, Field(min_length=1)]
-RelativePath = Annotated[Name, AfterValidator(_is_relative)]
+RelativePath = Annotated[Name, AfterValidator(_require_relative)]
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}\z")]
 ContentDigest = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}\z")]

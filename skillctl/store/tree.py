@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.coordinates.chain import IDENTITY, Chain
+from skillctl.model.coordinates.shears import SHEAR_ARRAYS, Shears
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
@@ -17,6 +19,7 @@ from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 from skillctl.store.errors import Refusal
+from skillctl.store.layout import Array
 from skillctl.store.schema import ChainNode, CombinedNode, MergedNode, Node, SedsNode
 
 MAX_TREE_DEPTH = 16  # merged skills of merged skills of …
@@ -35,7 +38,54 @@ def model_arrays(skill: Skill) -> dict[str, FloatArray]:
         arrays[f"model/density_{name}"] = np.concatenate([getattr(leaf.density, name) for leaf in leaves])
     arrays["model/attractors"] = np.stack([leaf.attractor for leaf in leaves])
     arrays["model/lyapunov"] = np.stack([leaf.lyapunov for leaf in leaves])
-    return arrays
+    return {**arrays, **_coordinate_arrays(leaves)}
+
+
+def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
+    """Return the shears of all leaves, stacked, with empty bumps added to those of fewer; {} without any."""
+    chains = [leaf.coordinates.links for leaf in leaves]
+    if not any(chains):
+        return {}
+    if not all(isinstance(link, Shears) for chain in chains for link in chain) or max(map(len, chains)) > 1:
+        raise InvalidModelError("coordinates: only those of learned shears can be stored.")
+    found = [(number, link) for number, chain in enumerate(chains) for link in chain]
+    shears = [(number, cast("Shears", link)) for number, link in found]
+    linear = np.tile(np.eye(leaves[0].dimension), (len(leaves), 1, 1))
+    bumps = max(link.coefficients.shape[1] for _, link in shears)
+    for number, link in shears:
+        linear[number] = link.linear
+    padding = [((0, 0), (0, bumps - link.coefficients.shape[1]), (0, 0)) for _, link in shears]
+    return {
+        "coordinates/linear": linear,
+        **{
+            f"coordinates/{name}": np.concatenate([getattr(link, name) for _, link in shears])
+            for name in ("directions", "firsts", "spacings")
+        },
+        "coordinates/coefficients": np.concatenate(
+            [np.pad(link.coefficients, pad) for (_, link), pad in zip(shears, padding, strict=True)]
+        ),
+        "coordinates/leaf": np.repeat(
+            [number for number, _ in shears], [len(link.directions) for _, link in shears]
+        ),
+    }
+
+
+def _coordinates(leaf: int, arrays: Mapping[str, Array]) -> Chain:
+    """Return the coordinates of a leaf.
+
+    Raises:
+        Refusal: A leaf without shears has a linear part other than the identity.
+        InvalidModelError: The map is not invertible, or cannot be computed.
+    """
+    if "coordinates/leaf" not in arrays:
+        return IDENTITY
+    rows = arrays["coordinates/leaf"] == leaf
+    linear: FloatArray = arrays["coordinates/linear"][leaf]
+    if not rows.any():
+        if (linear != np.eye(len(linear))).any():
+            raise Refusal(f"/coordinates/linear: leaf {leaf} has no shears, but is not the identity")
+        return IDENTITY
+    return Chain((Shears(linear, *(arrays[f"coordinates/{name}"][rows] for name in SHEAR_ARRAYS[1:])),))
 
 
 class _Cursor:
@@ -116,6 +166,9 @@ def _require_tiling(node: Node, arrays: Mapping[str, FloatArray]) -> None:
             raise Refusal(
                 f"/meta.json: skill: leaf {leaf.leaf} does not continue where the one before it ends"
             )
+    owners = arrays.get("coordinates/leaf", np.zeros(1, dtype=np.int64))
+    if owners[0] < 0 or owners[-1] >= cursor.leaf or (owners[1:] < owners[:-1]).any():
+        raise Refusal(f"/coordinates/leaf: must be leaf numbers below {cursor.leaf}, in order")
     counted = (cursor.leaf, cursor.component, cursor.density)
     stored = tuple(len(arrays[f"model/{name}"]) for name in ("attractors", "priors", "density_priors"))
     if counted != stored:
@@ -153,12 +206,13 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) 
     try:
         density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
         return SedsSkill(
-            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},  # type: ignore[arg-type]
+            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
             attractor=arrays["model/attractors"][node.leaf],
             lyapunov=arrays["model/lyapunov"][node.leaf],
             density=density,
             space=space,
             speed=node.speed,
+            coordinates=_coordinates(node.leaf, arrays),
         )
     except InvalidModelError as error:
         raise InvalidModelError(f"leaf {node.leaf}: {error}") from error

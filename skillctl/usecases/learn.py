@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
@@ -27,6 +28,8 @@ from skillctl.store import (
 )
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.make import Made, MakeReport, Request, make, require_stable
+from skillctl.usecases.options import Robot
+from skillctl.usecases.recorded_arm import read_of
 
 LEARN_AGAIN = "Try --preset quality, another --seed, or fewer --components."
 
@@ -38,6 +41,7 @@ class LearnRequest(Request):
     paths: tuple[Path, ...] = ()
     options: LearnOptions = field(default_factory=LearnOptions)
     reading: Reading = field(default_factory=Reading)
+    robot: Robot = field(default_factory=Robot)
     validated: bool = False
 
 
@@ -90,6 +94,7 @@ def learn(
     note: str | None = None,
     options: LearnOptions | None = None,
     reading: Reading | None = None,
+    robot: Robot | None = None,
     validated: bool = False,
     force: bool = False,
     plot: Path | None = None,
@@ -105,6 +110,7 @@ def learn(
         note: To be kept in the skill; another note than that of the skill that is there makes it learn again.
         options: How to learn.
         reading: How to read the files.
+        robot: The arm whose joints they hold, if they hold joints and positions are to be learned.
         validated: Also learn with each demonstration left out, and keep the errors on those.
         force: Learn even if the same files and options gave what is there.
         plot: Draw there how the skill repeats its demonstrations; the suffix decides the format.
@@ -124,6 +130,7 @@ def learn(
         paths=tuple(Path(path) for path in data),
         options=options or LearnOptions(),
         reading=reading or Reading(),
+        robot=robot or Robot(),
         validated=validated,
     )
     return finish(request, prepare(request, progress))
@@ -135,12 +142,13 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
     Raises:
         See ``learn``.
     """
-    options, reading = request.options, request.reading
-    recorded = _recorded(options, reading, request.validated)
+    options = request.options
+    recorded = _recorded(request)
+    read_again = partial(read_of, request.robot, request.reading, request.paths)
     operation = Operation(command="learn", options=recorded, seed=options.seed)
 
     def build() -> tuple[Artifact, Certificate, Details]:
-        read = reading.read(request.paths)
+        read = read_again()
         provenance = current_provenance(
             inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
         )
@@ -153,10 +161,10 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         artifact = Artifact(fitted.skill, (fitted.demonstrations,), done, provenance, reports)
         return artifact, certificate, Details((*read.notes, *fitted.warnings), left_out)
 
-    made = make(request, operation, build, inputs=request.paths)
+    made = make(request, operation, build, inputs=(*request.paths, *request.robot.files))
     if made.details is None and request.plot is not None and request.validated:
         # The picture shows the skills of the validation, which are not kept: they are learned again.
-        left_out = _left_out(reading.read(request.paths), request, progress)
+        left_out = _left_out(read_again(), request, progress)
         return replace(made, details=Details(left_out=left_out))
     return made
 
@@ -194,12 +202,13 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
     )
 
 
-def _recorded(options: LearnOptions, reading: Reading, validated: bool) -> dict[str, Any]:
+def _recorded(request: LearnRequest) -> dict[str, Any]:
     """Return the options that decide the result, by their long names."""
-    learning = asdict(options)
+    learning = asdict(request.options)
     learning["components"] = learning.pop("n_components")
     del learning["seed"]  # the operation has a field of its own for it
-    return {**learning, **asdict(reading), **({"validate": True} if validated else {})}
+    validated = {"validate": True} if request.validated else {}
+    return {**learning, **request.reading.recorded(), **request.robot.recorded(), **validated}
 
 
 def _results(fitted: Fit, left_out: tuple[LeftOut, ...]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from skillctl.compose.parts import notes_on
+from skillctl.demonstrations.formats import digest_of
 from skillctl.errors import FitError
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
@@ -323,6 +324,6 @@ def _value(value: object) -> str:
 
 def _sha256(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        return digest_of(path) if path.is_file() or path.is_dir() else ""  # a pipe would be waited for
     except OSError:
         return ""  # the reader says in words what is wrong with it

@@ -34,10 +34,10 @@ from skillctl.options import Declared, options_of
 from skillctl.toml_files import complaint, read_toml
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.learn import LearnRequest
-from skillctl.usecases.options import Result, Validation
+from skillctl.usecases.options import Result, Robot, Validation
 
 HINT = "`skillctl learn --help` says what each option means; skillctl/docs/pipelines.md shows a manifest."
-ROOMS: tuple[Any, ...] = (Reading, LearnOptions, Validation)  # may be chosen for all skills, and for each
+ROOMS: tuple[Any, ...] = (Reading, Robot, LearnOptions, Validation)  # may be chosen for all, and for each
 
 
 def _table(name: str, kinds: tuple[Any, ...], **more: Any) -> type[BaseModel]:
@@ -84,6 +84,7 @@ class SkillEntry:
         data: Files and patterns.
         result: Where the skill goes, and what is written with it; paths as the manifest has them.
         reading: How the files are read.
+        robot: The arm whose joints they hold, a file as the manifest has it.
         learning: How it is learned.
         validation: Whether it is also judged by demonstrations that it was not learned from.
     """
@@ -92,6 +93,7 @@ class SkillEntry:
     data: tuple[str, ...]
     result: Result
     reading: Reading
+    robot: Robot
     learning: LearnOptions
     validation: Validation
 
@@ -114,6 +116,7 @@ class SkillEntry:
             destination=Destination.at(output, result.name, store, result.message),
             options=self.learning,
             reading=self.reading,
+            robot=self.robot.beside(folder),
             validated=self.validation.validate,
             force=force,
             plot=plot,

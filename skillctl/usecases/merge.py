@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +15,7 @@ from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors
+from skillctl.model.coordinates.chain import IDENTITY
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -181,7 +182,7 @@ def _fitted(
         "from_store": task.from_store,
         CANDIDATES: candidates_digest(found.digests),
     }
-    reading = {key: value for key, value in asdict(task.reading).items() if value is not None}
+    reading = {key: value for key, value in task.reading.recorded().items() if value is not None}
     operation = Operation(command="merge", options={**reading, **chosen})
 
     def build() -> tuple[Artifact, Certificate, _Details]:
@@ -236,8 +237,13 @@ def _candidates(
 
 
 def _try(options: MergeOptions, sources: Sequence[Source]) -> None:
-    """Raise UsageError for options that do not fit the skills, before any work is done; any P serves here."""
-    parents = [source.skill for source in sources]
+    """Raise UsageError for options that do not fit the skills, before any work is done.
+
+    Any P and any coordinates serve here.
+    """
+    parents = [
+        source.skill.with_leaves(lambda leaf: replace(leaf, coordinates=IDENTITY)) for source in sources
+    ]
     options.merge(parents, parents[0].leaves[0].lyapunov)
 
 

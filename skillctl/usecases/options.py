@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from skillctl.demonstrations.options import READING
+from skillctl.errors import UsageError
 from skillctl.options import RESULT, option
+from skillctl.simulation.arms import ARMS
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,43 @@ class Result:
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=RESULT, help="Draw it; the suffix decides the format."
     )
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The arm whose joints were recorded, if the files hold joints.
+
+    Attributes:
+        arm: A name in ``ARMS``, or a URDF file.
+        tip: Link of an arm by file whose positions are learned.
+    """
+
+    arm: str | None = option(
+        metavar="|".join([*ARMS, "FILE.urdf"]),
+        group=READING,
+        help="The files hold the joints of this arm: learn positions of its hand, from its base.",
+    )
+    tip: str | None = option(
+        metavar="LINK", group=READING, help="Hand of an arm by file. Default: as in `simulate`."
+    )
+
+    def __post_init__(self) -> None:
+        if self.tip is not None and self.arm is None:
+            raise UsageError("tip: it is a link of the arm that was recorded.", hint="Add --arm FILE.urdf.")
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file of the arm, if it has one."""
+        return () if self.arm is None or self.arm in ARMS else (Path(self.arm),)
+
+    def recorded(self) -> dict[str, str]:
+        """What is kept of it in a skill; the content of a file is, as of all inputs."""
+        arm = None if self.arm is None else Path(self.arm).name
+        return {key: value for key, value in {"arm": arm, "tip": self.tip}.items() if value is not None}
+
+    def beside(self, folder: Path) -> Robot:
+        """Return the same with the file relative to a folder."""
+        return replace(self, arm=str(folder / self.files[0])) if self.files else self
 
 
 @dataclass(frozen=True)

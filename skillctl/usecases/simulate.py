@@ -12,7 +12,7 @@ from skillctl.errors import require_directory
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.draws import chosen
-from skillctl.simulation.episode import Episode, Metrics, Outcome
+from skillctl.simulation.episode import Episode, Metrics, Outcome, Unit
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
@@ -34,12 +34,15 @@ class SimulateReport:
         detail: What happened, for a failure; else empty.
         scenario: The scenario, as in a file; what is null was chosen automatically.
         arm, hand, base_yaw: The arm, the orientation of its hand, the turn of its base [rad].
+        tip, held: The link that is the hand, and the joints of an arm by file that do not move and where they
+            stay, [rad] or [m].
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
-        target: Workspace position of the target, [m].
+        target: Workspace position of the target, [m]; its joints for a skill that moves joints.
+        unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
         log, picture, video: Files that were written, if any.
-        notes: What the outcome does not show.
+        notes: What the outcome does not show, and what was not taken from the file of an arm.
     """
 
     skill: str
@@ -61,6 +64,9 @@ class SimulateReport:
     picture: Path | None
     video: Path | None
     notes: tuple[str, ...]
+    tip: str
+    held: dict[str, float]
+    unit: Unit
 
 
 def simulate(
@@ -121,13 +127,16 @@ def simulate(
         plane=placement.plane,
         scale=placement.scale,
         origin=tuple(placement.origin.tolist()),
-        target=tuple(result.target.tolist()),
+        target=tuple((setup.joint_plan.target if setup.joint_plan else result.target).tolist()),
         metrics=result.metrics,
         wall_seconds=result.wall_seconds,
         log=log,
         picture=picture,
         video=video,
-        notes=proof_notes(source, scenario.control),
+        notes=(*setup.arm.notes, *proof_notes(source, scenario.control)),
+        tip=setup.arm.tip_link,
+        held=dict(setup.arm.held),
+        unit=setup.unit,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,6 +13,7 @@ from skillctl.progress import Progress
 from skillctl.simulation.batch import BatchOutcome, Row, run_batch
 from skillctl.simulation.bullet import load_bullet
 from skillctl.simulation.draws import batch_of
+from skillctl.simulation.prepare import arm_of
 from skillctl.simulation.scenario import Sampling, Scenario
 from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
 from skillctl.store import Lock, write_file
@@ -44,7 +46,10 @@ class SimulateManyReport:
 
     Attributes:
         skill, digest: The skill that was run.
-        arm, seed: The arm, and the seed of all that was drawn.
+        arm, tip, held: The arm, the link that is its hand, and its joints that do not move.
+        seed: Seed of all that was drawn.
+        hands: Number of episodes by orientation of the hand.
+        unit: Unit of final errors and tracking: ``m``, or ``rad`` for a skill that moves joints.
         episodes, successes, success_rate: How many episodes there were, and how many succeeded.
         interval, confidence: Wilson's interval of the probability of a success.
         min_success, enough: The rate that was asked for, and whether it was met.
@@ -77,6 +82,10 @@ class SimulateManyReport:
     table: Path | None
     overview: Path | None
     notes: tuple[str, ...]
+    hands: dict[str, int]
+    tip: str
+    held: dict[str, float]
+    unit: str
 
 
 def simulate_many(
@@ -158,6 +167,7 @@ def _report(
     overview: Path | None,
 ) -> SimulateManyReport:
     count, successes = len(rows), sum(row.success for row in rows)
+    model = arm_of(scenario)
     return SimulateManyReport(
         skill=source.name,
         digest=source.artifact.digest,
@@ -178,7 +188,11 @@ def _report(
         wall_seconds=wall_seconds,
         table=table,
         overview=overview,
-        notes=(*proof_notes(source, scenario.control), *_sameness(scenario)),
+        notes=(*model.notes, *proof_notes(source, scenario.control), *_sameness(scenario)),
+        hands=dict(Counter(row.trace.hand for row in rows if row.trace is not None).most_common()),
+        tip=model.tip_link,
+        held=dict(model.held),
+        unit=source.skill.space.unit,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def finish_target(
         except OSError as error:
             raise StoreError(f"{output}: its time cannot be set: {error.strerror}.") from error
     if depfile is not None:
-        write_file(depfile, dependencies(output, inputs).encode())
+        write_file(depfile, os.fsencode(dependencies(output, inputs)))
 
 
 def dependencies(output: Path, inputs: Iterable[Path]) -> str:
@@ -53,7 +54,9 @@ def dependencies(output: Path, inputs: Iterable[Path]) -> str:
 
 
 def _escaped(path: Path) -> str:
-    text = str(path).replace("$", "$$").replace("#", r"\#").replace(" ", r"\ ")
+    text = str(path).replace("$", "$$")
+    for character in "# :":
+        text = text.replace(character, f"\\{character}")
     if "\n" in text or "\t" in text:
         raise UsageError(f"{text!r}: Make cannot name a file with a tab or line break in its name.")
     return text

@@ -8,15 +8,18 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from skillctl.errors import SkillctlError, StoreError
+from skillctl.errors import SkillctlError, StoreError, UsageError
+from skillctl.evaluate.coverage import demonstrated_starts
+from skillctl.geometry import box
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
+from skillctl.stability.reach import Reach, bound_reach
 from skillctl.stability.report import Certificate
-from skillctl.stability.requirements import Requirements
+from skillctl.stability.requirements import DEMOS, Requirements
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
-from skillctl.store.source import open_skill
+from skillctl.store.source import Source, open_skill
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
@@ -38,6 +41,8 @@ class SkillVerdict:
             refuted, but the required signature is not valid. ``unreadable``: see ``error``.
         unmet: The requirements that are not met, in sentences.
         signature: State of the required signature; None if none is required.
+        reach: Where its motions from the start box go, and when they arrive; None if no box was given, or if
+            nothing is proved of them.
     """
 
     skill: str
@@ -48,6 +53,7 @@ class SkillVerdict:
     outcome: Outcome = "unreadable"
     unmet: tuple[str, ...] = ()
     signature: SignatureState | None = None
+    reach: Reach | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,7 @@ def verify_stability(
 
     Raises:
         NotFoundError: There is no such cluster.
+        UsageError: A box of another dimension than a skill, or ``demos`` for a skill without demonstrations.
     """
     required = required or Requirements()
     named, finished = [str(reference) for reference in references], 0
@@ -138,7 +145,8 @@ def _verdict(
         return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
     certificate = certify(source.skill, digest=digest)
-    unmet = required.unmet_by(certificate)
+    reach = _reach(source, certificate, required)
+    unmet = required.unmet_by(certificate, reach)
     outcome: Outcome = "proved"
     if unmet:
         unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
@@ -147,4 +155,28 @@ def _verdict(
         unmet = (*unmet, f"Required is a signature; {signed.explanation}")
         outcome = "not proved" if outcome == "not proved" else "not signed"
     state = None if signed is None else signed.state
-    return SkillVerdict(source.name, source.located.path, digest, certificate, None, outcome, unmet, state)
+    path = source.located.path
+    return SkillVerdict(source.name, path, digest, certificate, None, outcome, unmet, state, reach)
+
+
+def _reach(source: Source, certificate: Certificate, required: Requirements) -> Reach | None:
+    """Return the bounds of motions from the required start box, if there is one and they are proved."""
+    names = source.skill.space.names
+    for option, ranges in (("start-box", required.start_box), ("stay-in", required.stay_in)):
+        if ranges is not None and ranges != DEMOS and len(ranges) != len(names):
+            raise UsageError(
+                f"{option}: expected a range for each coordinate of {source.name} ({', '.join(names)}), "
+                f"got {len(ranges)}."
+            )
+    if required.start_box is None:
+        return None
+    if required.start_box == DEMOS:
+        starts = demonstrated_starts(source.skill, source.artifact.demonstrations)
+        if not len(starts):
+            raise UsageError(
+                f"start-box: {source.name} carries no demonstrations.",
+                hint="Give the ranges of its coordinates.",
+            )
+        return bound_reach(source.skill, certificate, *box(starts), period=required.period)
+    low, high = zip(*required.start_box, strict=True)
+    return bound_reach(source.skill, certificate, low, high, period=required.period)

@@ -22,7 +22,7 @@ from skillctl.demonstrations import reaching
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.geometry import resample_by_arc_length
-from skillctl.learning.fit import fit, learned_metric
+from skillctl.learning.fit import fit, learned_distance
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import retargeted
@@ -98,8 +98,9 @@ def taught_parts(reaches: Reaches, seed: int, options: LearnOptions):
     parts = [fit(motions, options).skill for motions in taught]
     lyapunov = common_lyapunov_of(parts, period=options.period)
     if lyapunov is None:
-        lyapunov = learned_metric(taught)
-        parts = [fit(motions, options, lyapunov=lyapunov).skill for motions in taught]
+        distance = learned_distance(taught)
+        lyapunov = distance.lyapunov
+        parts = [fit(motions, options, distance=distance).skill for motions in taught]
     return parts, lyapunov
 
 
@@ -162,8 +163,9 @@ def parents_survive(
     parts = [fit(motions, options).skill for motions in sets]
     lyapunov = common_lyapunov_of(parts, period=options.period)
     if lyapunov is None:
-        lyapunov = learned_metric(sets)
-        parts = [fit(motions, options, lyapunov=lyapunov).skill for motions in sets]
+        distance = learned_distance(sets)
+        lyapunov = distance.lyapunov
+        parts = [fit(motions, options, distance=distance).skill for motions in sets]
     merged = merge_skills(parts, gate="density", target=[0.0, 0.0], lyapunov=lyapunov)
     rows = []
     for i, motions in enumerate(sets):

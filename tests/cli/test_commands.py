@@ -233,6 +233,7 @@ def test_pybullet_prints_nothing_on_standard_output(shell, library):
         (["reach", "--start", "0,0,9"], 1, "unreachable"),
         (["reach", "--target", "0.5,0"], 2, "3"),
         (["reach", "--target", "nan,0,0.5"], 2, "finite"),
+        (["reach", "--target", "630,0,-760"], 2, "millimetres, which are 0.63,0,-0.76?"),
         (["reach", "--demo", "7"], 2, "counted from 0"),
         (["reach", "--demo", "0", "--start", "0.4,0,0.5"], 2, "--demo"),
         (["reach", "--picture", "no/such/p.png"], 8, "no/such"),

@@ -40,6 +40,7 @@ RUNS = [
     ("inspect", "inspect HERE/c.h5 --at 0.1,0", 0),
     ("inspect", "inspect HERE/m.h5 --lineage --store LIBRARY", 0),
     ("verify-stability", "verify-stability HERE/m.h5 HERE/c.h5 --period 0.001", 0),
+    ("verify-stability", "verify-stability HERE/m.h5 --start-box demos --stay-in :,-1:", 0),
     ("verify-stability", "verify-stability HERE/unstable.h5", 1),
     ("verify-stability", "verify-stability HERE/i.h5", 3),
     ("verify-stability", "verify-stability HERE/nowhere.h5", 4),

@@ -147,12 +147,12 @@ def test_a_fitted_merger_depends_on_every_skill_it_was_to_choose_from(run, proje
 
 
 def test_names_are_written_as_make_reads_them(tmp_path):
-    (tmp_path / "a $b#c d.csv").touch()
-    text = dependencies(Path("out file.h5"), [Path("a $b#c d.csv")] * 2)
+    (tmp_path / "a $b#c:d e.csv").touch()
+    text = dependencies(Path("out file.h5"), [Path("a $b#c:d e.csv")] * 2)
     (tmp_path / "Makefile").write_text(text)
     asked = ["make", "-n", "-d", "out file.h5"]
     result = subprocess.run(asked, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
-    assert "'a $b#c d.csv'" in result.stdout
+    assert "'a $b#c:d e.csv'" in result.stdout
     assert text.count("csv") == 2
 
 

@@ -42,7 +42,7 @@ TABLES = {
     "note.h5": "not a skill",
     "none.h5": "",
     "misspelt.toml": "[[skills]]\nname = 'a'\ndata = '0.csv'\nsed = 1\n",
-    "wrong.toml": "[options]\nunits = 'cm'\n[[skills]]\nname = 'a'\ndata = '0.csv'\n",
+    "wrong.toml": "[options]\nunits = 'yd'\n[[skills]]\nname = 'a'\ndata = '0.csv'\n",
     "placeless.toml": "[[skills]]\ndata = '0.csv'\n",
     "twice.toml": "[[skills]]\nname = 'a'\ndata = '0.csv'\n[[skills]]\nname = 'a'\ndata = '1.csv'\n",
     "lost.toml": "[[skills]]\nname = 'a'\ndata = 'no/*.csv'\n[[skills]]\nname = 'b'\ndata = 'nan.csv'\n",

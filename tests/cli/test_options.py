@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import pytest
 import typer
 
@@ -11,7 +9,7 @@ from skillctl.cli.app import load_command
 from skillctl.cli.parameters import parser
 from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.demonstrations import options as reading
-from skillctl.demonstrations.recording import Unit
+from skillctl.demonstrations.units import UNITS
 from skillctl.learning.options import LearnOptions, read_components
 from skillctl.options import options_of, read_numbers, read_ranges, read_words
 from skillctl.simulation.ik import HAND_PITCH
@@ -28,12 +26,16 @@ def declared(kind, field):
 @pytest.mark.parametrize(
     ("kind", "field", "defined"),
     [
-        (reading.Reading, "units", get_args(Unit)),
         (ScenarioOptions, "hand", HAND_PITCH),
     ],
 )
 def test_the_choices_are_those_of_the_rooms(kind, field, defined):
     assert set(declared(kind, field).choices) == set(defined)
+
+
+def test_the_units_that_can_be_typed_are_units_of_positions():
+    typed = declared(reading.Reading, "units").choices
+    assert {UNITS[name].base for name in typed} == {"m", "rad"}
 
 
 def test_what_can_be_typed_about_a_scenario_is_in_scenarios():

@@ -12,6 +12,7 @@ from junitparser import Error, Failure, JUnitXml
 from skillctl.compose.options import CombineOptions
 from skillctl.store.source import open_skill
 from skillctl.usecases.combine import combine
+from skillctl.usecases.files import load, save
 
 
 @pytest.fixture
@@ -143,3 +144,83 @@ def test_a_period_that_is_too_long_for_a_local_proof_is_not_proved_rather_than_o
     longer = repr(1.01 * usual["certificate"]["period"])
     assert run("verify-stability", path, "--require", "local", "--period", longer).exit_code == 1
     assert run("verify-stability", path, "--period", longer).exit_code == 3  # whether it arrives is open
+
+
+def test_bounds_of_motions_are_required_and_reported(run, library, tmp_path):
+    """The curve's demonstrations start between x = 0.20 and 0.23, at y = 0.1, and end at the origin."""
+    arguments = ["verify-stability", "curve", "--store", library, "--start-box"]
+    (verdict,) = json.loads(run(*arguments, "demos", "--json").stdout)["skills"]
+    reach = verdict["reach"]
+    # Rests are cut off: a demonstration begins once it has covered a small share of its way.
+    assert reach["start_low"] == pytest.approx([0.20, 0.1], abs=2e-3)
+    assert reach["start_high"] == pytest.approx([0.23, 0.1], abs=2e-3)
+    assert reach["low"][0] < reach["measured"]["low"][0] <= 0 < 0.23 < reach["high"][0]
+    assert reach["measured"]["arrival"] < reach["arrival"]
+    assert reach["period"] == 0.5 * verdict["certificate"]["period"]
+    exactly = ",".join(f"{low!r}:{high!r}" for low, high in zip(reach["low"], reach["high"], strict=True))
+    assert run(*arguments, "demos", "--stay-in", exactly).exit_code == 0
+    assert run(*arguments, "demos", "--stay-in", ":,:").exit_code == 0
+    less = 0.97 * reach["high"][0]  # beyond all starts
+    junit = tmp_path / "r.xml"
+    refused = run(*arguments, "demos", "--stay-in", f":{less!r},:", "--report", f"junit={junit}")
+    assert refused.exit_code == 1
+    (case,) = next(iter(JUnitXml.fromfile(str(junit))))
+    for text in (refused.stdout, case.result[0].message):
+        assert f"Motions may leave the box: required is x ≤ {less:g} m; proved is ≤ " in text
+        assert "x ≥" not in text
+    assert "from the start box stays in x from -" in case.system_out
+    assert (
+        "Motions leave the box: required is x ≤ 0.22 m"
+        in run(*arguments, "demos", "--stay-in", ":0.22,:").stdout
+    )
+
+
+def test_bounds_are_those_of_the_start_box_and_the_period(run, library):
+    def reach(*options):
+        result = run("verify-stability", "curve", "--store", library, *options, "--json")
+        return json.loads(result.stdout)["skills"][0]["reach"]
+
+    near, far = reach("--start-box", "0.1,0.05:0.06"), reach("--start-box", "0.1:0.2,-0.1:0.1")
+    assert (near["start_low"], near["start_high"]) == ([0.1, 0.05], [0.1, 0.06])
+    assert near["high"][0] < far["high"][0]
+    assert near["parts"][0]["level"] < far["parts"][0]["level"]
+    assert near["arrival"] < far["arrival"]
+    period = 0.1 * near["period"]
+    assert reach("--start-box", "0.1,0.05:0.06", "--period", repr(period))["period"] == period
+    assert reach("--start-box", "0.1,0.05:0.06", "--period", "1000") is None
+    assert reach() is None
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--stay-in", "0:1,0:1"], "where the motions start is not given"),
+        (["--start-box", "0.1"], "a range for each coordinate of curve@1 (x, y), got 1"),
+        (
+            ["--start-box", "demos", "--stay-in", ":,:,:"],
+            "a range for each coordinate of curve@1 (x, y), got 3",
+        ),
+        (["--start-box", "0.2:0.1,0"], "must not end before it starts, got 0.2:0.1"),
+        (["--start-box", "0.2:,0"], "both ends must be finite, got 0.2:inf"),
+        (["--start-box", "nan,0"], "must not end before it starts"),
+        (["--start-box", "0.2,y"], "is not a range for each coordinate"),
+        (["--start-box", "0.2,0", "--stay-in", "0.2,,0"], "is not a range for each coordinate"),
+    ],
+)
+def test_a_box_that_makes_no_sense_is_refused(run, library, options, reason):
+    result = run("verify-stability", "curve", "--store", library, *options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert reason in result.stderr
+
+
+def test_without_demonstrations_or_a_proof_nothing_is_bounded(run, library, tmp_path, save_with_matrix):
+    bare = save(load("curve", store=library), tmp_path / "bare.h5")
+    result = run("verify-stability", bare, "--start-box", "demos")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert f"start-box: {bare} carries no demonstrations." in result.stderr
+    bad = save_with_matrix("curve", 1, np.eye(2), tmp_path / "bad.h5")
+    verdict = json.loads(run("verify-stability", bad, "--start-box", "0.1,0.1", "--json").stdout)["skills"][0]
+    assert (verdict["outcome"], verdict["reach"]) == ("not proved", None)
+    longer = run("verify-stability", bare, "--start-box", "0,0", "--stay-in", ":,:", "--period", "1000")
+    assert longer.exit_code == 1
+    assert "no bound of their way is proved" in longer.stdout

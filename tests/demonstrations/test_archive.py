@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
+from itertools import permutations
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from skillctl.demonstrations import archive
 from skillctl.demonstrations.reader import read_demonstrations
-from skillctl.errors import InputDataError
+from skillctl.errors import InputDataError, UsageError
 
 
 def test_one_motion_with_times_and_velocities(save_npz, curve) -> None:
@@ -68,7 +72,7 @@ def test_columns_choose_among_the_default_names(save_npz, curve) -> None:
         ({"positions": np.zeros((5, 2)), "times": np.arange(4.0)}, "form no demonstrations"),
         ({"positions": np.zeros((5, 2)), "velocities": np.zeros((4, 2))}, "form no demonstrations"),
         ({"demo_0": np.ones((5, 2)), "demo_0_times": np.arange(4.0)}, "form no demonstrations"),
-        ({"pos": np.ones((5, 2)), "vel": np.ones((5, 2))}, "form no demonstrations"),
+        ({"left": np.ones((5, 2)), "right": np.ones((5, 2))}, "form no demonstrations"),
         ({"labels": np.arange(3)}, "form no demonstrations"),
         ({"positions": np.ones((5, 2)), "dt": -1.0}, "dt must be one positive number"),
         ({"positions": np.ones((5, 2)), "dt": np.ones(2)}, "dt must be one positive number"),
@@ -102,3 +106,115 @@ def test_a_spreadsheet_is_told_from_an_archive(tmp_path) -> None:
         spreadsheet.writestr("[Content_Types].xml", "<Types/>")
     with pytest.raises(InputDataError, match="export its table as CSV"):
         read_demonstrations([tmp_path / "reach.xlsx"])
+
+
+# ------------------------------------------------------------------------------------- axes
+
+
+@pytest.fixture
+def save_npy(tmp_path: Path) -> Callable[[npt.NDArray[np.float64]], Path]:
+    def save(array: npt.NDArray[np.float64]) -> Path:
+        np.save(tmp_path / "reach.npy", array)
+        return tmp_path / "reach.npy"
+
+    return save
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_axes_in_any_order_are_told_apart_by_their_sizes(save_npy, curve, order) -> None:
+    motions = np.stack([curve(40, 3, seed=i) for i in range(9)])
+    result = read_demonstrations([save_npy(motions.transpose(order))], dt=0.1)
+    assert np.stack([d.positions for d in result.demonstrations]).tolist() == motions.tolist()
+    names = ",".join(("demo", "time", "dim")[axis] for axis in order)
+    shape = tuple(np.array((9, 40, 3))[list(order)].tolist())
+    said = (f"the axes are read as {names}, by their sizes {shape}; --axes says otherwise.",)
+    assert [note for note in result.notes if "axes" in note] == [*(said if order != (0, 1, 2) else ())]
+
+
+def test_axes_that_sizes_do_not_tell_are_asked_for(save_npy, curve) -> None:
+    motions = np.stack([curve(40, 3, seed=i) for i in range(3)])
+    path = save_npy(motions.transpose(1, 0, 2))
+    with pytest.raises(InputDataError, match=r"sizes \(40, 3, 3\) of its axes do not tell") as error:
+        read_demonstrations([path], dt=0.1)
+    assert "--axes demo,time,dim" in error.value.hint
+    result = read_demonstrations([path], dt=0.1, axes=["time", "demo", "dim"])
+    assert np.stack([d.positions for d in result.demonstrations]).tolist() == motions.tolist()
+    with pytest.raises(UsageError, match="time,dim are not demo,time,dim, in any order"):
+        read_demonstrations([path], dt=0.1, axes=["time", "dim"])
+
+
+def test_times_tell_which_axis_is_time_even_if_it_is_short(save_npz, curve) -> None:
+    motions = np.stack([curve(5, 2, seed=i) for i in range(30)])
+    across = motions.transpose(1, 2, 0)
+    path = save_npz(positions=across, velocities=across, times=np.arange(5.0))
+    result = read_demonstrations([path])
+    assert np.stack([d.positions for d in result.demonstrations]).tolist() == motions.tolist()
+    assert np.stack([d.velocities for d in result.demonstrations]).tolist() == motions.tolist()
+
+
+def test_one_motion_may_lie_across(save_npy, curve) -> None:
+    result = read_demonstrations([save_npy(curve(40, 3).T)], dt=0.1)
+    (demonstration,) = result.demonstrations
+    assert (demonstration.positions == curve(40, 3)).all()
+    assert result.notes == ("the axes are read as dim,time, by their sizes (3, 40); --axes says otherwise.",)
+
+
+def test_a_clock_and_a_quaternion_are_no_coordinates(save_npy, curve) -> None:
+    times = np.round(0.02 * np.arange(40), 6)
+    angle = np.linspace(0, 1, 40)
+    turned = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle])
+    result = read_demonstrations([save_npy(np.column_stack([times, curve(40, 3), turned]))])
+    (demonstration,) = result.demonstrations
+    assert (demonstration.positions == curve(40, 3)).all()
+    assert demonstration.times.tolist() == times.tolist()
+    assert result.notes == (
+        "column 0 rises evenly and is read as the time.",
+        "columns 4 to 7 are unit quaternions and left aside.",
+    )
+
+
+def test_seven_joints_are_no_quaternion(save_npy, curve) -> None:
+    result = read_demonstrations([save_npy(curve(40, 7))], dt=0.1, units="rad")
+    assert (result.demonstrations.dimension, result.notes) == (7, ())
+
+
+def test_dimensions_are_bounded(save_npy, write, curve) -> None:
+    path = save_npy(curve(40, 12))
+    with pytest.raises(InputDataError, match=r"none of its axes \(40, 12\) has at most 7 dimensions"):
+        read_demonstrations([path], dt=0.1)
+    with pytest.raises(InputDataError, match="12 dimensions; a motion has at most 7") as error:
+        read_demonstrations([path], dt=0.1, axes=["time", "dim"])
+    assert "--max-dimension 12" in error.value.hint
+    assert read_demonstrations([path], dt=0.1, max_dimension=12).demonstrations.dimension == 12
+    chosen = read_demonstrations([path], dt=0.1, axes=["time", "dim"], columns=["q12", "q1"])
+    assert (chosen.demonstrations.demonstrations[0].positions == curve(40, 12)[:, [11, 0]]).all()
+
+
+def test_columns_of_arrays_are_renamed(save_npy, curve) -> None:
+    result = read_demonstrations([save_npy(curve(40, 3))], dt=0.1, columns=["x=z", "y"])
+    assert result.demonstrations.space.names == ("x", "y")
+    assert (result.demonstrations.demonstrations[0].positions == curve(40, 3)[:, [2, 1]]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "per_second", "since"), [("t", 1, 0), ("time_ms", 1e3, 0), ("stamps", 1e9, 1_700_000_000)]
+)
+def test_an_array_with_the_name_of_a_time_is_one(save_npz, curve, name, per_second, since) -> None:
+    times = 0.1 * np.arange(20)
+    arrays = {
+        "pos": curve(),
+        "vel": 2 * curve(),
+        "gripper": np.ones((20, 1)),
+        name: (since + times) * per_second,
+    }
+    result = read_demonstrations([save_npz(**arrays)])
+    (demonstration,) = result.demonstrations
+    assert (demonstration.positions == curve()).all()
+    assert np.abs(demonstration.times - times).max() < 3e-7  # as doubles of seconds since 1970 are rounded
+    assert result.notes == ("left aside: vel, gripper; use --columns to choose others.",)
+
+
+def test_one_of_several_arrays_that_may_be_times_is_that_of_the_right_size(save_npz, curve) -> None:
+    path = save_npz(xyz=curve(), time_of_start=np.arange(3.0), stamps=np.arange(20.0))
+    (demonstration,) = read_demonstrations([path]).demonstrations
+    assert demonstration.times.tolist() == list(range(20))

@@ -43,11 +43,13 @@ def impatient() -> Iterator[Child]:
 
 
 @pytest.fixture
-def answer(impatient: Child) -> Callable[[bytes], InputDataError | None]:
+def answer(impatient: Child, tmp_path: Path, monkeypatch) -> Callable[[bytes], InputDataError | None]:
     """Read a file; return how it was refused, or None if what was read is sound."""
+    monkeypatch.chdir(tmp_path)
 
     def answer(content: bytes) -> InputDataError | None:
         try:
+            Path("damaged").write_bytes(content)
             file = files.File(Path("damaged"), content, None, impatient)
             recordings = formats.format_of(file).read(file)
             demonstrations = [checks.prepare(recording, dt=0.1, scale=1.0)[0] for recording in recordings]

@@ -194,3 +194,35 @@ def test_version_7_3_and_other_bytes_are_refused(write) -> None:
     assert "save -v7" in refusal.value.hint
     with pytest.raises(InputDataError, match="not an intact MATLAB 5 file"):
         read_demonstrations([write("t,x\n0,1\n1,2\n")], input_format="lasa")
+
+
+# ------------------------------------------------------------------------------------- DAMM
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_poses_of_damm_are_positions_by_their_own_clock(save_mat, cell, curve, count: int) -> None:
+    motions = [curve(samples=20 + i, dimension=3, seed=i) for i in range(count)]
+    clocks = [np.cumsum(np.random.default_rng(i).uniform(0.001, 0.003, 20 + i)) for i in range(count)]
+    quaternion = np.array([[0.0], [0.0], [0.6], [0.8]])
+    poses = [
+        {
+            "pose": np.vstack([motion.T, np.tile(quaternion, len(motion)), clock]),
+            "dt": float(np.diff(clock).mean()),
+            "origin": "panda_link0",
+        }
+        for motion, clock in zip(motions, clocks, strict=True)
+    ]
+    result = read_demonstrations([save_mat({"bag_dir": "all", "data_ee_pose": cell(*poses)})])
+    assert result.sources[0].importer == "damm"
+    for demonstration, motion, clock in zip(result.demonstrations, motions, clocks, strict=True):
+        assert (demonstration.positions == motion).all()
+        assert (demonstration.times == clock - clock[0]).all()
+
+
+def test_poses_of_another_shape_are_refused(save_mat, cell) -> None:
+    path = save_mat({"data_ee_pose": cell({"pose": np.ones((8, 9))}, {"pose": np.ones((7, 9))})})
+    with pytest.raises(InputDataError, match="demonstration 1: no matrix of poses") as error:
+        read_demonstrations([path])
+    assert "pose (8, T)" in error.value.hint
+    with pytest.raises(InputDataError, match="not laid out as DAMM demonstrations"):
+        read_demonstrations([save_mat({"data": np.eye(3)})], input_format="damm")

@@ -119,6 +119,18 @@ def test_every_unit_applies_to_given_velocities_too(save_npz, curve) -> None:
     assert (demonstration.positions == curve() * 0.5 / 1000).all()
 
 
+def test_positions_and_angles_make_no_skill_together(write) -> None:
+    first, second = write("t,x\n0,1\n1,2\n", "a.csv"), write("t,j1 (deg)\n0,1\n1,2\n", "b.csv")
+    with pytest.raises(InputDataError, match=r"b\.csv: in deg, but .*a\.csv is in m\."):
+        read_demonstrations([first, second])
+
+
+def test_files_in_different_units_make_one_set(write) -> None:
+    paths = [write(f"t,x_{unit}\n0,{n}\n1,{2 * n}\n", f"{unit}.csv") for unit, n in (("mm", 500), ("cm", 50))]
+    for demonstration in read_demonstrations(paths).demonstrations:
+        assert demonstration.positions.tolist() == [[0.5], [1.0]]
+
+
 def test_radians_make_a_joint_space(save_npz, write) -> None:
     result = read_demonstrations([save_npz(positions=np.eye(7)[:2], dt=0.1)], units="rad", frame="joints")
     space = result.demonstrations.space
@@ -192,7 +204,7 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     [
         (b"\x89SKILL\r\n\x1a\n1 ", "a skill, not a demonstration"),
         (b"\x89HDF\r\n\x1a\n", "not an intact HDF5 file"),
-        (b"\x93NUMPY\x01\x00", "a single NumPy array"),
+        (b"\x93NUMPY\x01\x00", "not an intact NPY array"),
         (b"\x1f\x8b\x08", "compressed with gzip"),
         (b"%PDF-1.7", "a PDF document"),
         (b"\x89PNG\r\n", "a picture"),
@@ -266,12 +278,12 @@ def test_ends_far_apart_are_reported(write) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t,x\n0,0\n1,250\n", "extends over 250 m; if these are millimetres, use --units mm."),
+        ("t,x\n0,0\n1,250\n", "extends over 250 m; if it does not, say the unit, as in --units mm."),
         ("t,x\n0,0\n1,0.001\n", "extends over 0.001 m only; check --units and --scale."),
         ("t,x\n0,0\n2000,1\n", "lasts 2000 s; if its times are not seconds, say so in the header: t_ms."),
         (
             "t,a,b,c,d\n0,0,0,0,0\n1,1,1,1,1\n",
-            "4 dimensions are taken as metres; joint angles need --units rad.",
+            "4 dimensions are taken as metres; joint angles need --units rad or --units deg.",
         ),
     ],
 )

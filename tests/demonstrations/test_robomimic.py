@@ -38,7 +38,7 @@ def test_the_first_hands_positions_are_read_in_the_order_of_the_numbers(save_rob
     ]
     assert result.sources[0].importer == "robomimic"
     assert result.demonstrations.space.names == ("x", "y", "z")
-    assert result.notes[0] == "left aside: robot0_eef_quat; use --columns to choose others."
+    assert "left aside: robot0_eef_quat; use --columns to choose others." in result.notes[0]
 
 
 def test_single_precision_compressed_chunks_and_old_files_are_read(save_robomimic, motions) -> None:
@@ -80,7 +80,9 @@ def test_another_datasets_hand_is_offered(save_robomimic, motions) -> None:
 
     with pytest.raises(InputDataError, match="no observation 'robot0_eef_pos'") as error:
         read_demonstrations([save_robomimic(motions[:1], edit=edit)])
-    assert error.value.hint == "The observations are: ee_pos, robot0_eef_quat."
+    assert error.value.hint == (
+        "Choose with --columns, as in --columns ee_pos. The observations are: ee_pos, robot0_eef_quat."
+    )
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,10 @@ def text(file: h5py.File) -> None:
         (without("data"), "an HDF5 file of unknown layout (found mask)."),
         (without("data/demo_0"), "an HDF5 file of unknown layout (found data, mask)."),
         (without(OBS), "its demonstrations hold no observations."),
-        (one_dimensional, "there is no observation 'robot0_eef_pos'"),
+        (
+            one_dimensional,
+            "the observation 'robot0_eef_pos' has the shape (10,), where positions have (T, d).",
+        ),
         (text, "there is no observation 'robot0_eef_pos'"),
     ],
 )
@@ -238,7 +243,7 @@ def odd_name(file: h5py.File) -> None:
         (huge, "obs/robot0_eef_pos (274877906944, 3): too large; at most 256 MiB of numbers"),
         (many_just_small_enough, "obs/robot0_eef_pos (8388608, 3): too large; at most 256 MiB of"),
         (countless, "/data: more than 10000 members."),
-        (cycle, "its demonstrations hold no observations."),
+        (cycle, "there is no observation 'robot0_eef_pos'."),
         (odd_name, r"of unknown layout (found \x1b[2J, mask)."),
     ],
 )  # fmt: skip
@@ -259,7 +264,7 @@ def test_links_that_nobody_asked_for_are_left_alone(save_robomimic, motions) -> 
         file["data/elsewhere"] = h5py.SoftLink("/nowhere")
 
     result = read_demonstrations([save_robomimic(motions[:1], edit=edit)])
-    assert result.notes[0] == "left aside: robot0_eef_quat; use --columns to choose others."
+    assert "left aside: robot0_eef_quat; use --columns to choose others." in result.notes[0]
 
 
 def test_no_other_file_is_opened(save_robomimic, motions, tmp_path) -> None:
@@ -294,3 +299,26 @@ def test_a_file_that_libhdf5_never_finishes_is_given_up(save_robomimic, motions,
     assert str(path) in run.stderr
     assert "hint:" in run.stderr
     assert not list(path.parent.glob("reach.h5*"))
+
+
+@pytest.mark.parametrize("size", [512, 1024, 4096])
+def test_a_file_may_begin_with_a_block_of_its_user(save_robomimic, motions, tmp_path, size: int) -> None:
+    plain = save_robomimic(motions[:1])
+    path = tmp_path / "block.hdf5"
+    with h5py.File(plain) as old, h5py.File(path, "w", userblock_size=size) as new:
+        for name in old:
+            old.copy(name, new)
+    assert path.read_bytes()[:4] != b"\x89HDF"
+    result = read_demonstrations([path], dt=0.1)
+    assert result.sources[0].importer == "robomimic"
+    assert (result.demonstrations.demonstrations[0].positions == motions[0]).all()
+
+
+def test_an_observation_of_another_shape_is_refused_by_it(save_robomimic, motions) -> None:
+    def edit(file: h5py.File) -> None:
+        del file[POSITION]
+        file[POSITION] = np.zeros((10, 1, 4))
+
+    with pytest.raises(InputDataError, match=r"'robot0_eef_pos' has the shape \(10, 1, 4\), where") as error:
+        read_demonstrations([save_robomimic(motions[:1], edit=edit)])
+    assert error.value.hint.endswith("The others are: robot0_eef_quat.")

@@ -81,7 +81,7 @@ def test_a_column_wins_over_a_joint_of_the_same_name(read_text) -> None:
 
 def test_without_a_choice_the_joints_are_listed(read_text, motion) -> None:
     with pytest.raises(
-        InputDataError, match=r"reach\.csv: 20 columns could be positions; which are\?"
+        InputDataError, match=r"reach\.csv: 15 columns could be positions; which are\?"
     ) as error:
         read_text(kinect(motion))
     assert error.value.hint == (

@@ -49,7 +49,10 @@ def test_positions_are_read_and_orientations_left_aside(read, text: str) -> None
     ]
     assert result.sources[0].importer == "tum"
     assert result.demonstrations.space.names == ("x", "y", "z")
-    assert result.notes[0] == "left aside: qx, qy, qz, qw; use --columns to choose others."
+    assert (
+        result.notes[0]
+        == "the position is x, y, z; left aside: qx, qy, qz, qw; use --columns to choose others."
+    )
 
 
 def test_columns_choose_axes(read) -> None:

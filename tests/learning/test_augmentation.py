@@ -19,12 +19,10 @@ def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
 ) -> None:
     shown = training_data(*align(curved(dimension, count, samples=2000)), samples=400)
     moving = np.linalg.norm(shown.velocities, axis=2) >= SLOW
-    positions, velocities, sources = distant_samples(shown, (0.5, 1.0))
+    positions, velocities = distant_samples(shown, (0.5, 1.0))
     copies = np.full((2, directions, 2, count, 400, dimension), np.nan)
     copies[..., moving, :] = positions.reshape(2, directions, 2, -1, dimension)
 
-    samples = np.arange(moving.size).reshape(moving.shape)
-    np.testing.assert_array_equal(sources, np.tile(samples[moving], 4 * directions))
     left = 1 - phases(shown.positions)
     shifts = (copies - shown.positions) / np.maximum(left, 1e-9)[..., None] ** 2
     sizes = np.linalg.norm(shifts, axis=-1)[..., moving]

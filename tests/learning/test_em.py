@@ -103,7 +103,7 @@ def test_the_density_of_positions_forgets_the_velocities() -> None:
         matrices=np.tile(-np.eye(2), (2, 1, 1)),
         residual_covariances=np.tile(np.eye(2), (2, 1, 1)),
     )
-    priors, means, covariances = position_em(start, np.vstack(clumps), iterations=50)
+    priors, means, covariances = position_em(start, *[np.vstack(clumps)] * 2, iterations=50)
     # Every component keeps TRACE / 2 of every point, up to 20 away from its own; the clumps are 12 apart, and
     # points at three of the wider one's standard deviations lie between them with shares of about 1e-4.
     np.testing.assert_allclose(priors, [1 / 3, 2 / 3], atol=1e-3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skillctl.errors import UsageError
-from skillctl.learning.fit import LATE_GAIN, _unfinished, fit, learned_metric
+from skillctl.learning.fit import LATE_GAIN, Distance, _unfinished, fit, learned_distance
 from skillctl.learning.options import LearnOptions, Preset
 from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.select import component_limit
@@ -138,17 +138,17 @@ def test_embedded_demonstrations_end_exactly_at_the_attractor(curved: Curved) ->
 
 def test_a_given_lyapunov_matrix_is_kept(curved: Curved) -> None:
     given = np.array([[2.0, 0.3], [0.3, 0.5]])
-    result = fit(curved(), FAST, lyapunov=given)
+    result = fit(curved(), FAST, distance=Distance(given))
     np.testing.assert_array_equal(result.skill.lyapunov, given)
     assert worst_slack(result.skill) > 0
     with pytest.raises(UsageError, match="lyapunov"):
-        fit(curved(), FAST, lyapunov=np.eye(3))
+        fit(curved(), FAST, distance=Distance(np.eye(3)))
 
 
 def test_one_metric_can_serve_several_motions(curved: Curved) -> None:
-    metric = learned_metric([curved(seed=0), curved(seed=1)])
-    assert metric.shape == (2, 2)
-    assert np.linalg.eigvalsh(metric).min() > 0
+    distance = learned_distance([curved(seed=0), curved(seed=1)])
+    assert distance.lyapunov.shape == (2, 2)
+    assert np.linalg.eigvalsh(distance.lyapunov).min() > 0
 
 
 def test_more_components_than_the_data_carry_are_refused(curved: Curved) -> None:
@@ -179,7 +179,8 @@ def test_only_a_motion_that_contradicts_its_metric_is_learned_with_a_stretched_o
     lasa: Callable[[str], DemonstrationSet], name: str, metrics: int
 ) -> None:
     seen: list[tuple[str, int, int]] = []
-    fit(lasa(name), FAST, progress=lambda *step: seen.append(step))
+    plain = replace(FAST, coordinates="identity")
+    fit(lasa(name), plain, progress=lambda *step: seen.append(step))
     assert [step[:2] for step in seen].count(("mixtures", 1)) == metrics
 
 
@@ -197,7 +198,7 @@ def test_progress_is_told_and_ends(curved: Curved) -> None:
 def test_a_motion_that_contradicts_the_metric_is_warned_about(
     lasa: Callable[[str], DemonstrationSet],
 ) -> None:
-    result = fit(lasa("Leaf_1"), LearnOptions(metric="euclidean", preset="fast"))
+    result = fit(lasa("Leaf_1"), LearnOptions(metric="euclidean", coordinates="identity", preset="fast"))
     (warning,) = result.warnings
     assert "V would have to grow" in warning
     assert "--metric learned" in warning

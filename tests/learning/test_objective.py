@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skillctl.learning.augmentation import distant_samples
 from skillctl.learning.barrier import StabilityBarrier
 from skillctl.learning.em import constrained_em
 from skillctl.learning.field import Field
@@ -15,6 +14,8 @@ from skillctl.learning.levenberg import State, minimise
 from skillctl.learning.objective import LearningObjective, Weights, _nearest_place, _weighted
 from skillctl.learning.parameters import field_of, gate_mixture
 from skillctl.learning.preprocess import TrainingData, align, training_data
+from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.mixture import GaussianMixture, quadratic_features, softmax
 
@@ -33,11 +34,14 @@ def initial(data: TrainingData) -> Field:
     return field_of(constrained_em(labels, *data.points, BARRIER, iterations=5)[0])
 
 
-@pytest.fixture(params=["plain", "weighted"])
+@pytest.fixture(params=["plain", "bent"])
 def either(data: TrainingData, request: pytest.FixtureRequest) -> TrainingData:
-    """The data as they are, and with a random W for every sample."""
-    random = np.random.default_rng(3).standard_normal((*data.positions.shape, 2))
-    return data if request.param == "plain" else replace(data, weights=np.eye(2) + 0.4 * random)
+    """The data as they are, and in coordinates of two bent shears."""
+    random = np.random.default_rng(3).standard_normal((2, 6, 2))
+    shears = Shears(
+        np.eye(2), np.array([[0.6, 0.8], [-0.8, 0.6]]), np.full(2, -2.5), np.ones(2), 0.2 * random
+    )
+    return data if request.param == "plain" else replace(data, coordinates=Chain((shears,)))
 
 
 def times(factors: np.ndarray | None, errors: np.ndarray) -> np.ndarray:
@@ -76,34 +80,16 @@ def test_the_nearest_place_is_the_nearest_of_a_fine_path() -> None:
         assert found[i] == pytest.approx(min(candidates), abs=1e-6)
 
 
-def test_an_error_counts_in_the_metric_of_the_sample_it_belongs_to(
-    data: TrainingData, initial: Field
-) -> None:
-    trajectories, samples, d = data.positions.shape
-    sizes = 1.0 + np.arange(trajectories * samples)  # tell all samples apart
-    swap = np.eye(2)[::-1]
-    weights = (sizes[:, None, None] * swap).reshape(trajectories, samples, d, d)
-    objective = LearningObjective(replace(data, weights=weights))
-    expected, found = LearningObjective(data).evaluate(initial), objective.evaluate(initial)
-
-    sources = np.append(np.arange(len(sizes)), distant_samples(data, Weights().distances)[2])
-    errors = expected.velocity_errors
-    weighed = LearningObjective(data).moments.weighed(errors)
-    np.testing.assert_allclose(objective.moments.weighed(errors), sizes[sources] ** 2 * weighed, rtol=1e-12)
-
-    assert expected.matching is not None
-    assert found.matching is not None
-    before, after = (each.matching.errors.reshape(3 * trajectories, -1, d) for each in (expected, found))
-    ratio = after / np.where(before == 0, np.nan, before)[..., ::-1]
-    own = np.tile(sizes.reshape(trajectories, samples), (3, 1))
-    points = ~np.isnan(ratio[:, :samples, 0])  # a rollout starts where its demonstration does
-    np.testing.assert_allclose(ratio[:, :samples, 0][points], own[points], rtol=1e-9)
-    # A state of a rollout counts as the nearer end of the segment that it is compared with.
-    paths, states = objective.paths, expected.matching.states.transpose(2, 0, 1)
-    for path, rolled, ratios, scales in zip(paths, states, ratio[:, samples:, 0], own, strict=True):
-        nearest = np.linalg.norm(rolled[:, None] - path, axis=2).argmin(axis=1)
-        known = ~np.isnan(ratios)
-        assert np.abs(ratios - scales[nearest])[known].max() < 1.5  # phase moves it by one sample at most
+def test_errors_count_in_the_state(data: TrainingData, initial: Field) -> None:
+    # Coordinates that stretch everything threefold: y errs three times as much as the state it stands for.
+    threefold = Shears(3 * np.eye(2), np.eye(2), np.zeros(2), np.ones(2), np.zeros((2, 4, 2)))
+    stretched = replace(data, coordinates=Chain((threefold,)))
+    # Quadratic gates of y / 3 instead of y, and the same matrices: the same motion of the state.
+    same = Field(initial.matrices, initial.logits / np.array([1, 3, 3, 9, 9, 9]))
+    plain = LearningObjective(data).evaluate(initial)
+    found = LearningObjective(stretched, Weights(phase=3.0)).evaluate(same)  # matching is done in y
+    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-9, atol=1e-12)
+    assert found.cost == pytest.approx(plain.cost, rel=1e-9)
 
 
 def test_the_gradient_of_the_cost_is_that_of_finite_differences_at_fixed_matching(

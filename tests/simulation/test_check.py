@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,7 +42,8 @@ def test_what_is_told_beforehand_is_what_happens(arm: str, reach: SedsSkill) -> 
 def test_a_place_out_of_reach_is_an_answer(what: str, linear: MakeLinear) -> None:
     told = check(linear((0.5, 0.0, 0.5)), Scenario(**{what: (2.0, 0.0, 0.5)}))
     assert not told.reachable
-    assert f"the {what} (2.000, 0.000, 0.500) m lies outside" in told.reason
+    assert f"no posture of the panda arm was found for the {what} (2.000, 0.000, 0.500) m" in told.reason
+    assert told.tip == "panda_grasptarget"
     assert told.path_residual is None
 
 
@@ -60,6 +62,23 @@ def test_a_motion_faster_than_the_joints_is_told(linear: MakeLinear) -> None:
     slow, fast = (check(skill, Scenario(max_speed=speed, **options)) for speed in (0.3, 3.0))
     assert slow.velocity_ratio < 1 < fast.velocity_ratio
     assert fast.reachable  # the arm slows it down on its path
+
+
+def test_an_arm_too_weak_to_carry_itself_is_told(linear: MakeLinear, monkeypatch: pytest.MonkeyPatch) -> None:
+    weak = replace(ARMS["panda"], max_torque=(87.0, 10.0, 87.0, 87.0, 12.0, 12.0, 12.0))
+    monkeypatch.setitem(ARMS, "panda", weak)
+    skill, scenario = linear((0.6, 0.0, 0.5)), Scenario(start=(0.5, 0.0, 0.5))
+    told = check(skill, scenario)
+    assert not told.reachable
+    assert "joint 2 cannot carry the arm on this path" in told.reason
+    assert "of its 10 Nm" in told.reason
+    assert not simulate(skill, scenario).success
+
+
+def test_reach_does_not_depend_on_the_seed(linear: MakeLinear) -> None:
+    skill = linear((0.3, 0.5, 0.35))
+    told = [check(skill, Scenario(arm="xarm6", start=(0.3, -0.5, 0.35), seed=seed)) for seed in (0, 1, 2)]
+    assert told[0] == told[1] == told[2]
 
 
 def test_a_skill_that_arrives_nowhere_is_told(linear: MakeLinear) -> None:

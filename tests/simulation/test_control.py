@@ -106,7 +106,14 @@ def tracking(refusals: int = 0, at_limit: int | None = None) -> Tracking:
 
 def test_passing_through_the_target_is_not_reaching_it(judge: Judge, motion: Motion) -> None:
     hands = [NEAR, NEAR, NEAR, FAR, NEAR, NEAR, NEAR, NEAR]
-    assert [judge.settled(motion, hand) for hand in hands] == [None] * 7 + [Verdict("reached")]
+    assert [judge.settled(motion, hand, np.zeros(3)) for hand in hands] == [None] * 7 + [Verdict("reached")]
+
+
+def test_a_hand_that_stays_where_it_perceives_the_target_has_missed_it(judge: Judge, motion: Motion) -> None:
+    off = np.array([0.0, 0.0, 0.003])  # more than the tolerance
+    verdicts = [judge.settled(motion, NEAR, off) for _ in range(5)]
+    assert verdicts[:3] == [None] * 3
+    assert verdicts[4].outcome == "missed"
 
 
 def test_a_quarter_of_a_second_without_joints_ends_the_episode(judge: Judge, motion: Motion) -> None:

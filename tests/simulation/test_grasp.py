@@ -165,11 +165,23 @@ def test_pictures_say_how_a_grasp_went(grasped: Episode) -> None:
 def test_a_target_that_is_seen_wrong_is_missed_by_as_much(linear: MakeLinear) -> None:
     scenario = Scenario(start=(0.45, 0.0, 0.5), target_error=0.02, seed=3)
     episode = simulate(linear((0.55, 0.0, 0.5)), scenario)
-    assert episode.outcome == "reached"  # what it saw
+    assert episode.outcome == "missed"
+    off = 1e3 * episode.metrics.final_error
+    assert episode.detail == f"the hand stopped {off:.0f} mm from its target, which it perceived there"
     assert 0.002 < episode.metrics.final_error < 0.08
     assert episode.target == pytest.approx([0.55, 0.0, 0.5], abs=1e-12)
     off = episode.series.hand[-1] - episode.target
     assert off[2] == pytest.approx(0, abs=1e-3)
+
+
+def test_an_error_of_perception_within_the_tolerance_is_no_miss(linear: MakeLinear) -> None:
+    scenario = Scenario(start=(0.45, 0.0, 0.5), target_error=0.02, seed=3)
+    missed = simulate(linear((0.55, 0.0, 0.5)), scenario).metrics.final_error
+    for factor, outcome in ((0.8, "missed"), (1.2, "reached")):
+        wide = scenario.changed(tolerance=factor * missed)
+        episode = simulate(linear((0.55, 0.0, 0.5)), wide)
+        assert episode.outcome == outcome
+        assert (episode.metrics.time_to_target < np.inf) == (outcome == "reached")
 
 
 def test_a_start_in_the_shelf_is_refused(straight: SedsSkill) -> None:
@@ -179,7 +191,7 @@ def test_a_start_in_the_shelf_is_refused(straight: SedsSkill) -> None:
 
 
 def test_a_cup_out_of_reach_is_refused(straight: SedsSkill) -> None:
-    with pytest.raises(RefusedError, match=r"unreachable: the target \(0\.790") as refusal:
+    with pytest.raises(RefusedError, match=r"for the target \(0\.790") as refusal:
         simulate(straight, at_the_shelf(cup={"position": (0.79, 0.55)}))
     assert refusal.value.outcome == "unreachable"
     assert "--cup" in refusal.value.hint

@@ -3,13 +3,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
-from skillctl.simulation.arm import ArmBody
+from skillctl.simulation.arm import LIMIT_MARGIN, ArmBody
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import ACCEPTED_JUMP, HAND_PITCH, POSE_ANGLE, POSE_POSITION, Kinematics
 
@@ -101,7 +102,7 @@ def test_the_hand_of_an_xarm6_is_where_its_manufacturers_table_says() -> None:
 def test_a_hand_without_redundancy_points_radially() -> None:
     point = np.array([0.35, 0.3, 0.45])
     with ArmBody(ARMS["xarm6"], 0.0, shapes="none") as body:
-        found = Kinematics(body, "horizontal", 0.0).search(point, seed=0)
+        found = Kinematics(body, "horizontal", 0.0).search(point)
     assert found.accepted
     x, y, _ = xarm6_hand(found.joints)[:3, 2]
     assert math.atan2(y, x) == pytest.approx(math.atan2(point[1], point[0]), abs=POSE_ANGLE)
@@ -109,7 +110,7 @@ def test_a_hand_without_redundancy_points_radially() -> None:
 
 def test_a_found_pose_is_the_wanted_one(panda: Kinematics) -> None:
     for point in itertools.product((0.5, 0.62), (-0.3, 0.0, 0.3), (0.5, 0.75)):
-        found = panda.search(np.array(point), seed=0)
+        found = panda.search(np.array(point))
         assert found.accepted
         pose = panda_hand(found.joints)
         assert np.linalg.norm(pose[:3, 3] - point) < POSE_POSITION + 10 * SINGLE
@@ -121,7 +122,7 @@ def test_a_turned_base_turns_the_solution(panda: Kinematics) -> None:
     quarter = math.pi / 2
     with ArmBody(ARMS["panda"], quarter) as body:
         turned = Kinematics(body, "horizontal", quarter)
-        joints = turned.search(np.array([-0.1, 0.55, 0.6]), seed=0).joints
+        joints = turned.search(np.array([-0.1, 0.55, 0.6])).joints
     # Turned back by a quarter, the same joints hold the hand at the point turned back.
     pose, point = panda_hand(joints), [0.55, 0.1, 0.6]
     assert pose[:3, 3] == pytest.approx(point, abs=POSE_POSITION + 10 * SINGLE)
@@ -145,7 +146,7 @@ def test_following_is_exact_within_limits_and_without_jumps(kinematics: Kinemati
 
 def test_what_cannot_be_reached_is_not_accepted(kinematics: Kinematics) -> None:
     far = np.array([0.0, 2.0, 0.5])
-    found = kinematics.search(far, seed=0)
+    found = kinematics.search(far)
     assert not found.accepted
     assert found.residual > 0.5
     assert not kinematics.follow(far, kinematics.home).accepted
@@ -154,11 +155,25 @@ def test_what_cannot_be_reached_is_not_accepted(kinematics: Kinematics) -> None:
 
 def test_a_search_depends_on_its_arguments_alone(panda: Kinematics) -> None:
     point = np.array([0.45, 0.35, 0.35])
-    first = panda.search(point, seed=5)
-    panda.search(np.array([0.3, -0.5, 0.4]), seed=1)
-    assert (panda.search(point, seed=5).joints == first.joints).all()
+    first = panda.search(point)
+    panda.search(np.array([0.3, -0.5, 0.4]))
+    assert (panda.search(point).joints == first.joints).all()
 
 
 def test_the_ready_posture_holds_the_hand_as_asked(kinematics: Kinematics) -> None:
     point = kinematics.forward(kinematics.home)
-    assert kinematics.search(point, seed=0).joints == pytest.approx(kinematics.home, abs=1e-3)
+    assert kinematics.search(point).joints == pytest.approx(kinematics.home, abs=1e-3)
+
+
+def test_a_posture_at_a_limit_is_taken_only_without_one_that_has_more_room() -> None:
+    home = ARMS["panda"].home_joints(HAND_PITCH["free"])
+    upper = list(ARMS["panda"].upper)
+    upper[3] = home[3] + LIMIT_MARGIN + 0.01  # the elbow at rest is 0.01 rad from its limit
+    with ArmBody(replace(ARMS["panda"], upper=tuple(upper)), 0.0, shapes="none") as body:
+        tight = Kinematics(body, "free", 0.0)
+        point = tight.forward(tight.home)
+        assert tight.margin(tight.home) == pytest.approx(0.01)
+        found = tight.search(point)
+        assert found.accepted
+        assert tight.margin(found.joints) > 0.01
+        assert tight.forward(found.joints) == pytest.approx(point, abs=1e-4)

@@ -46,7 +46,7 @@ def episode(reach: SedsSkill) -> Episode:
     placement = Placement(np.eye(3), np.zeros(3), 1.0, None)
     return Episode(
         scenario=Scenario(),
-        setup=Setup(reach, arm, placement, "free", 0.0, joints[0, 0], plan, True),
+        setup=Setup(reach, arm, placement, "free", 0.0, joints[0, 0], plan, True, 1.0),
         outcome="timeout",
         detail="",
         series=series,

@@ -139,7 +139,7 @@ def test_a_latched_skill_ends_where_its_start_says(linear: MakeLinear) -> None:
 @pytest.mark.parametrize("where", ["start", "target"])
 def test_what_lies_outside_the_workspace_is_refused_before_the_run(where: str, linear: MakeLinear) -> None:
     with pytest.raises(
-        GoalNotReachedError, match=rf"unreachable: the {where} \(2\.000, 0\.000, 0\.500\)"
+        GoalNotReachedError, match=rf"no posture .* for the {where} \(2\.000, 0\.000, 0\.500\)"
     ) as refusal:
         simulate(linear((0.5, 0.0, 0.5)), Scenario(**{where: (2.0, 0.0, 0.5)}))
     assert f"--{where}" in refusal.value.hint

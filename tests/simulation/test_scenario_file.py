@@ -173,3 +173,10 @@ def test_keys_are_bare_words() -> None:
     keys = {line.partition(" = ")[0] for line in lines}
     assert len(lines) > 20
     assert all(set(key) <= set(string.ascii_lowercase + "_") for key in keys)
+
+
+def test_held_joints_of_any_name_read_back(tmp_path: Path) -> None:
+    scenario = Scenario(arm="mine.urdf", hold={"torso_lift_joint": 0.2, "arm.left/1": -0.5})
+    path = tmp_path / "held.toml"
+    path.write_text(to_toml(scenario))
+    assert read_scenario(path) == scenario

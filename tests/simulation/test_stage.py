@@ -8,7 +8,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.camera import Camera, blurred_within
 from skillctl.simulation.picture import SCENE_DIRECTION
-from skillctl.simulation.scenario import Cup, Shelf, Table
+from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 from skillctl.simulation.scene import boxes
 from skillctl.simulation.stage import Stage, _cup_mesh
 
@@ -17,7 +17,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 def test_a_cup_is_seen_where_it_is_placed() -> None:
     place = np.array([0.6, -0.2, 0.76])
-    with Stage(ARMS["panda"], 0.0, Shelf()) as stage:
+    with Stage(ARMS["panda"], 0.0, Scenario(scene=Shelf())) as stage:
         cup = stage.add_cup(Cup())
         stage.put(cup, np.array([*place, *UPRIGHT]))
         camera = Camera(
@@ -53,7 +53,7 @@ def test_a_cup_is_open_and_no_wider_than_its_cylinder() -> None:
 
 @pytest.mark.parametrize("scene", [Shelf(), Shelf(walls=True), Table()])
 def test_all_of_a_scene_is_framed_and_stands_on_the_floor(scene: Shelf | Table) -> None:
-    with Stage(ARMS["panda"], 0.0, scene) as stage:
+    with Stage(ARMS["panda"], 0.0, Scenario(scene=scene)) as stage:
         corners = stage.corners
     for box in boxes(scene):
         for corner in (box.lower, box.upper):

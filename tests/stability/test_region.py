@@ -10,6 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.coordinates.chain import Chain
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
 from skillctl.stability.certificate import certify
@@ -129,3 +130,34 @@ def test_within_the_radius_the_part_wins_everywhere_and_motions_end(make_skill, 
             skill, part.attractor + radius * directions[:5], duration=200 * period, period=period
         )
         assert (motions.parts == index).all()
+
+
+def test_in_other_coordinates_the_part_wins_everywhere_within_the_radius(make_skill, make_shears):
+    rng = np.random.default_rng(6)
+    places = np.array([[0.0, 0.0], [0.4, 0.3]])
+    link = Chain((make_shears(rng, 2, size=0.1),))
+    near = [GaussianMixture([1.0], [place], [1e-2 * np.eye(2)]) for place in places]
+    skill = two_parts(make_skill, rng, places, near)
+    skill = replace(skill, parts=tuple(replace(part, coordinates=link) for part in skill.parts))
+    certificate = certify(skill)
+    assert certificate.scope == "local"
+    for index, part in enumerate(certificate.parts):
+        assert 0.02 < part.radius < 0.25  # half the distance of the two
+        directions = rng.normal(size=(500, 2))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        starts = places[index] + part.radius * directions
+        motions = rollout(skill, starts, duration=500 * part.period, period=part.period)
+        # At no sample of these motions, from the border on, is the other part the nearer one.
+        distances = np.linalg.norm(motions.positions[:, :, None] - places, axis=-1)
+        assert (np.argmin(distances, axis=-1) == index).all()
+
+
+def test_with_one_target_and_one_p_but_different_coordinates_switching_is_not_proved(make_skill, make_shears):
+    rng = np.random.default_rng(7)
+    parts = tuple(
+        replace(make_skill(rng), coordinates=Chain((make_shears(rng, 2, size=0.05),))) for _ in range(2)
+    )
+    assert certify(CombinedSkill(parts, [0.5, 0.5], "instantaneous")).scope != "global"
+    assert certify(CombinedSkill(parts, [0.5, 0.5], "latched")).scope == "global"
+    shared = tuple(replace(part, coordinates=parts[0].coordinates) for part in parts)
+    assert certify(CombinedSkill(shared, [0.5, 0.5], "instantaneous")).scope == "global"

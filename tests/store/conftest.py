@@ -7,6 +7,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 
 import h5py
@@ -16,6 +17,8 @@ import pytest
 from skillctl import store
 from skillctl.errors import ArtifactError
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
@@ -102,6 +105,20 @@ def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
     return store.Artifact(skill, sets, operation, provenance, reports_on(skill, sets))
 
 
+def bent(skill: SedsSkill, seed: int = 11, bumps: int = 5) -> SedsSkill:
+    """The skill in learned coordinates: three shears."""
+    rng = np.random.default_rng(seed)
+    d = skill.dimension
+    linear = np.triu(rng.normal(size=(d, d)), 1) + np.diag(rng.uniform(0.5, 2, d))
+    numbers = (
+        rng.normal(size=(3, d)),
+        rng.normal(size=3),
+        rng.uniform(0.1, 1, 3),
+        rng.normal(size=(3, bumps, d)),
+    )
+    return replace(skill, coordinates=Chain((Shears(linear, *numbers),)))
+
+
 def skills() -> dict[str, Skill]:
     a, b, c = seds(1), seds(2, k=1, m=1, speed=0.1), seds(3, k=4)
     merged = MergedSkill((a, b), np.array([0.3, 0.7]), "density", speed=1.7)
@@ -117,6 +134,9 @@ def skills() -> dict[str, Skill]:
         "nested merged": nested,
         "combined": CombinedSkill((a, c), np.array([0.25, 0.75])),
         "combined of merged": combined,
+        "bent": bent(a),
+        "bent merged": MergedSkill((bent(a), bent(b)), np.array([0.3, 0.7])),
+        "bent and plain": CombinedSkill((bent(seds(5, d=6)), seds(6, d=6)), np.array([0.25, 0.75])),
     }
 
 
@@ -132,6 +152,11 @@ def artifact(request: pytest.FixtureRequest) -> store.Artifact:
 @pytest.fixture(scope="session")
 def wrap() -> Callable[..., store.Artifact]:
     return wrapped
+
+
+@pytest.fixture(scope="session")
+def make_bent() -> Callable[..., SedsSkill]:
+    return bent
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,12 @@ from skillctl.store.errors import Refusal
     ("../elsewhere/a.csv", "a.csv"),
     ("a\x1b[2J.csv", r"a\x1b[2J.csv"),
     ("b\udcff.csv", r"b\udcff.csv"),
+    ("a:0.csv", "a_0.csv"),
+    ("c:run/0.csv", "c_run/0.csv"),
+    (r"\0.csv", "_0.csv"),
+    (r"a\..\0.csv", "a_.._0.csv"),
+    ("\udcc3\udcbc0.csv", "_udcc3_udcbc0.csv"),  # ü in a locale that cannot read it
+    ("y" * 100 + "/" + "x" * 199, "x" * 199),
     ("x" * 300 + ".csv", "x" * 196 + ".csv"),
 ])  # fmt: skip
 def test_inputs_are_recorded_without_user_or_machine(given, recorded):

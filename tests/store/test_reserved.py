@@ -2,30 +2,10 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from skillctl import store
 from skillctl.store import errors, layout
-
-
-def coordinates(**instead):
-    """An edit that adds two learned shears of three bumps each; the good skill has four leaves in 2-D."""
-    arrays = {
-        "linear": np.stack([np.eye(2)] * 4),
-        "directions": np.eye(2),
-        "centres": np.zeros((2, 3)),
-        "widths": np.ones(2),
-        "coefficients": np.zeros((2, 3, 2)),
-        "leaf": np.zeros(2, dtype=np.int64),
-    }
-
-    def edit(body):
-        for name, array in {**arrays, **instead}.items():
-            if array is not None:
-                body.create_dataset(f"coordinates/{name}", data=array, track_times=False)
-
-    return edit
 
 
 def pose(meta):
@@ -73,41 +53,10 @@ def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, u
     refuse(with_meta(stored(change(meta))), said, errors.LaterFeatureError)
 
 
-def test_learned_coordinates_are_refused_by_name(refuse, hostile):
-    refuse(hostile(coordinates()), "uses learned coordinates, which", errors.LaterFeatureError)
-
-
 def test_the_hint_is_to_upgrade(with_meta, meta):
     with pytest.raises(errors.LaterFeatureError) as caught:
         store.decode(with_meta(stored(pose(meta))))
     assert caught.value.hint == "Upgrade skillctl."
-
-
-def test_their_layout_is_read_so_that_a_store_keeps_them(hostile, tmp_path):
-    data = hostile(coordinates(), honest=True)
-    stored = store.Registry(tmp_path).publish("reach", data)
-    assert stored.digest == store.digest_of(data) == store.read_header(stored.path).digest
-
-
-@pytest.mark.parametrize(
-    ("instead", "cause"),
-    [
-        ({"linear": np.stack([np.eye(2)] * 3)}, "/model/.*: L is 4 here and 3 elsewhere"),
-        ({"directions": np.eye(3)}, "(d|S) is . here and . elsewhere"),
-        ({"widths": np.ones(3)}, "S is . here and . elsewhere"),
-        ({"centres": np.zeros((2, 4))}, "J is . here and . elsewhere"),
-        (
-            {"centres": np.zeros((2, 65)), "coefficients": np.zeros((2, 65, 2))},
-            "J = 65 is not within 1 to 64",
-        ),
-        ({"leaf": np.zeros(2)}, "elements must be <i8"),
-        ({"widths": None}, "/coordinates/widths: missing"),
-        ({"bias": np.ones(2)}, "/coordinates/bias: not part of the format"),
-        ({"widths": np.array([1, np.nan])}, "must be finite"),
-    ],
-)
-def test_the_layout_of_learned_coordinates(refuse, hostile, instead, cause):
-    refuse(hostile(coordinates(**instead)), cause)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from skillctl.store.layout import META, content_digest
 from skillctl.store.migrations import FORMAT_VERSION
 from skillctl.store.seal import seal
 from skillctl.store.writer import body_of
+from skillctl.toml_files import parse_toml
 from skillctl.usecases.files import load, save
 from skillctl.usecases.verify_stability import verify
 
@@ -139,7 +140,7 @@ def test_a_file_of_a_later_build_is_not_overwritten(run, library, tmp_path, late
         refused = run(*make, tmp_path / "made.h5", *options)
         assert refused.exit_code == 2
         assert "made.h5 exists and is a skill that only a later skillctl can use; it will" in refused.stderr
-        assert "hint: Upgrade skillctl, give another name after -o, or remove the file." in refused.stderr
+        assert "hint: Upgrade skillctl, or give another name after -o." in refused.stderr
         assert (tmp_path / "made.h5").read_bytes() == data
 
 
@@ -150,3 +151,16 @@ def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curv
     made = run("combine", *skills, "--store", tmp_path, "--name", "both", "--json")
     assert json.loads(made.stdout)["written"]["skill"] == "both@2"
     assert (tmp_path / "both" / "1.h5").read_bytes() == data
+
+
+def test_a_toml_file_may_begin_with_a_byte_order_mark():
+    assert parse_toml("\ufeffa = 1".encode()) == {"a": 1}
+
+
+def test_nothing_is_saved_over_a_version(curve, library):
+    before = (library / "hook" / "1.h5").read_bytes()
+    for name in ("1.h5", "2.h5", "mine.h5"):
+        with pytest.raises(UsageError, match="lies in a store, where versions never change"):
+            save(curve, library / "hook" / name)
+    assert [path.name for path in (library / "hook").iterdir()] == ["1.h5"]
+    assert (library / "hook" / "1.h5").read_bytes() == before

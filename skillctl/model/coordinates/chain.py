@@ -1,45 +1,79 @@
-"""A chain of links: the coordinates of a skill. The empty chain is the identity."""
+"""A chain of links: the coordinates of a skill. The empty chain is the identity.
+
+Links act on offsets x = s − ξ* of the state from the target, and leave the target where it is. So a motion
+that is moved to another target keeps its coordinates.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
 
 from skillctl.arrays import FloatArray
+
+Pull: TypeAlias = Callable[[FloatArray], FloatArray]  # leads velocities ẏ back to ẋ = Dc⁻¹ ẏ
 
 
 class Link(ABC):
     """One exactly invertible map of R^d onto (part of) itself. A new kind of link is one subclass.
 
-    Whatever its parameters, ``back(forward(s))`` is s up to rounding; that is what carries the proof of the
-    mixture over to the state.
+    Whatever its parameters, ``back(forward(x))`` is x up to rounding, and ``forward(0)`` is 0; that is what
+    carries the proof of the mixture over to the state.
     """
 
     __slots__ = ()
 
     @abstractmethod
-    def forward(self, states: FloatArray) -> FloatArray:
-        """Return y = c(s) for states (n, d). Shape (n, d)."""
+    def forward(self, offsets: FloatArray) -> FloatArray:
+        """Return y = c(x) for offsets (n, d). Shape (n, d)."""
 
     @abstractmethod
     def back(self, coordinates: FloatArray) -> FloatArray:
-        """Return s = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
+        """Return x = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
 
     @abstractmethod
-    def pull_back(self, coordinates: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Return ṡ = Dc⁻¹(y) ẏ for coordinates and velocities in them, (n, d) each. Shape (n, d)."""
+    def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y = c(x) for offsets (n, d), and what leads velocities ẏ (n, d) there back to ẋ (n, d)."""
+
+    @abstractmethod
+    def in_unit(self, unit: float) -> Link:
+        """Return x ↦ u c(x / u): the same map of lengths of which ``unit`` u make one of the old."""
 
     @abstractmethod
     def check(self) -> tuple[str, ...]:
         """Return why the map is not exactly invertible, in sentences; none if it is."""
 
-    @abstractmethod
-    def translated(self, offset: FloatArray) -> Link:
-        """Return the link of the motion moved by ``offset`` (d,): c(s − offset) + offset."""
+    def forward_at(self, offset: FloatArray) -> FloatArray:
+        """Return y = c(x) for one offset (d,)."""
+        return np.asarray(self.forward(offset[None])[0])
+
+    def back_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return x = c⁻¹(y) for one y (d,)."""
+        return np.asarray(self.back(coordinate[None])[0])
+
+    def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y = c(x) for one offset (d,), and what leads a velocity ẏ (d,) there back to ẋ (d,)."""
+        y, pull = self.tangent(offset[None])
+        return y[0], lambda velocity: pull(velocity[None])[0]
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
+
+        They hold the exact images: rounding is added. A link that knows no better returns the whole space.
+        """
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in the boxes from ``low`` to ``high``, as above."""
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class Chain(Link):
     """c = c_m ∘ … ∘ c_1.
 
     Attributes:
@@ -48,32 +82,77 @@ class Chain:
 
     links: tuple[Link, ...] = ()
 
-    def forward(self, states: FloatArray) -> FloatArray:
-        """Return y = c(s) for states (n, d). Shape (n, d)."""
+    def forward(self, offsets: FloatArray) -> FloatArray:
+        """Return y = c(x) for offsets (n, d). Shape (n, d)."""
         for link in self.links:
-            states = link.forward(states)
-        return states
+            offsets = link.forward(offsets)
+        return offsets
 
     def back(self, coordinates: FloatArray) -> FloatArray:
-        """Return s = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
+        """Return x = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
         for link in reversed(self.links):
             coordinates = link.back(coordinates)
         return coordinates
 
-    def pull_back(self, coordinates: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Return ṡ for velocities ẏ at coordinates y, (n, d) each. Shape (n, d)."""
+    def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for offsets (n, d), and what leads velocities back; see ``Link``."""
+        pulls = []
+        for link in self.links:
+            offsets, pull = link.tangent(offsets)
+            pulls.append(pull)
+        return offsets, _one_after_the_other(pulls)
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        for link in self.links:
+            low, high = link.bounds_forward(low, high)
+        return low, high
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
         for link in reversed(self.links):
-            velocities = link.pull_back(coordinates, velocities)
-            coordinates = link.back(coordinates)
-        return velocities
+            low, high = link.bounds_back(low, high)
+        return low, high
+
+    def in_unit(self, unit: float) -> Chain:
+        """Return the same coordinates in other lengths; see ``Link``."""
+        return Chain(tuple(link.in_unit(unit) for link in self.links))
 
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""
         return tuple(sentence for link in self.links for sentence in link.check())
 
-    def translated(self, offset: FloatArray) -> Chain:
-        """Return the coordinates of the motion moved by ``offset`` (d,)."""
-        return Chain(tuple(link.translated(offset) for link in self.links)) if self.links else self
+    def forward_at(self, offset: FloatArray) -> FloatArray:
+        """Return y for one offset (d,)."""
+        for link in self.links:
+            offset = link.forward_at(offset)
+        return offset
+
+    def back_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return x for one y (d,)."""
+        for link in reversed(self.links):
+            coordinate = link.back_at(coordinate)
+        return coordinate
+
+    def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for one offset (d,), and what leads a velocity back; see ``Link``."""
+        pulls = []
+        for link in self.links:
+            offset, pull = link.tangent_at(offset)
+            pulls.append(pull)
+        return offset, _one_after_the_other(pulls)
+
+
+def _one_after_the_other(pulls: list[Pull]) -> Pull:
+    if len(pulls) == 1:
+        return pulls[0]
+
+    def pull_all(velocities: FloatArray) -> FloatArray:
+        for pull in reversed(pulls):
+            velocities = pull(velocities)
+        return velocities
+
+    return pull_all
 
 
 IDENTITY = Chain()

@@ -1,0 +1,188 @@
+"""Where motions that start in a box can go, and by when they have arrived: bounds from sublevel sets of V."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
+from skillctl.model.coordinates.enclosure import GUARD
+from skillctl.model.rollout import arrival_distance_of
+from skillctl.model.skill import Skill
+from skillctl.model.space import Space
+from skillctl.stability.parts import proved_rate
+from skillctl.stability.region import selectable_parts
+from skillctl.stability.report import Certificate, Motions, at_least, at_most
+from skillctl.stability.sampling import follow_box
+from skillctl.stability.sublevels import sublevels_of
+
+MOST_COORDINATES = 14  # 2^14 vertices of the start box, each an exact number
+
+
+@dataclass(frozen=True, slots=True)
+class PartReach:
+    """Where motions from the start box can go while one part acts, from the start to the end.
+
+    Attributes:
+        part: Counted from 1.
+        level: c: nowhere in the start box is V larger.
+        low: No motion goes below this, one number for each coordinate, in the unit of the space.
+        high: No motion goes above this.
+        arrival: By then every motion is within the arrival distance of the attractor, and stays there, [s];
+            None if there is no bound.
+    """
+
+    part: int
+    level: float
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    arrival: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Bounds of all motions that start in a box and are not disturbed; proved, and rounded to the safe side.
+
+    Attributes:
+        names: Of the coordinates.
+        unit: Of the space.
+        start_low: Corner of the start box.
+        start_high: The opposite corner.
+        low: No motion goes below this, whichever part acts.
+        high: No motion goes above this.
+        period: The arrival holds at every controller period up to this, the box at every proved one, [s].
+        exact: Whether {V ≤ c} reaches as far as the box says; otherwise it may end before.
+        arrival_distance: Within this distance of its attractor a motion has arrived.
+        arrival: By then every motion has arrived, if no cap slows it, [s]; None if there is no bound.
+        parts: The bounds of each part that acts, or that may be selected somewhere in the start box.
+        measured: What sampled motions from the box do.
+        proof: What is proved, in sentences.
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    start_low: tuple[float, ...]
+    start_high: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    period: float
+    exact: bool
+    arrival_distance: float
+    arrival: float | None
+    parts: tuple[PartReach, ...]
+    measured: Motions
+    proof: tuple[str, ...]
+
+
+def bound_reach(
+    skill: Skill,
+    certificate: Certificate,
+    low: npt.ArrayLike,
+    high: npt.ArrayLike,
+    *,
+    period: float | None = None,
+    seed: int = 0,
+) -> Reach | None:
+    r"""Return where motions that start between ``low`` and ``high`` can go, and by when they have arrived.
+
+    V falls at every step, so a motion never leaves {V ≤ c}, c the largest V in the start box. In plain
+    coordinates c is reached at a vertex, since V is convex, and {V ≤ c} reaches ξᵢ* ± √(c (P⁻¹)ᵢᵢ): exact
+    arithmetic. In others, interval arithmetic encloses c and c⁻¹({yᵀPy ≤ c}). The result is a box, hence
+    convex: the straight way between two samples stays in it, too.
+
+    What it does not show: where the hand goes after a disturbance, or how far the rest of the arm reaches.
+
+    Args:
+        skill: Any skill.
+        certificate: What is proved of it.
+        low: Corner of the start box, shape (d,).
+        high: The opposite corner, shape (d,).
+        period: Of the controller, [s]; by default half of what is proved.
+        seed: Of the sampled starts.
+
+    Returns:
+        None if there is no global proof, or none for a period as long as this.
+
+    Raises:
+        UsageError: More coordinates than ``MOST_COORDINATES``.
+
+    References:
+        Theory page, bounds of a motion; ours.
+    """
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    if len(low) > MOST_COORDINATES:
+        raise UsageError(f"start-box: bounds need {MOST_COORDINATES} coordinates or fewer, not {len(low)}.")
+    period = 0.5 * (certificate.period or 0.0) if period is None else period
+    if certificate.scope != "global" or certificate.period is None or period > certificate.period:
+        return None
+    near = arrival_distance_of(skill)
+    chosen = range(len(skill.acting_parts)) if skill.reselects else selectable_parts(skill, low, high)
+    parts = tuple(_part_reach(skill, index, low, high, near, period) for index in chosen)
+    arrivals = [part.arrival for part in parts if part.arrival is not None]
+    arrival = max(arrivals) if len(arrivals) == len(parts) else None
+    least = tuple(map(min, zip(*(part.low for part in parts), strict=True)))
+    most = tuple(map(max, zip(*(part.high for part in parts), strict=True)))
+    return Reach(
+        names=skill.space.names,
+        unit=skill.space.unit,
+        start_low=tuple(low.tolist()),
+        start_high=tuple(high.tolist()),
+        low=least,
+        high=most,
+        period=period,
+        exact=not any(part.coordinates.links for part in skill.acting_parts),
+        arrival_distance=near,
+        arrival=arrival,
+        parts=parts,
+        measured=follow_box(skill, low, high, period, arrival, seed),
+        proof=_proof(skill.space, least, most, near, arrival, period),
+    )
+
+
+def _part_reach(
+    skill: Skill, index: int, low: FloatArray, high: FloatArray, near: float, period: float
+) -> PartReach:
+    part = skill.acting_parts[index]
+    sublevels = sublevels_of(part)
+    level = sublevels.level(low, high)
+    least, most = sublevels.extent(level)
+    rate = proved_rate(part, skill.outer_speed, period)
+    arrival = _arrival(level, sublevels.radius(near), rate, period)
+    return PartReach(index + 1, level, tuple(least.tolist()), tuple(most.tolist()), arrival)
+
+
+def _proof(
+    space: Space,
+    low: tuple[float, ...],
+    high: tuple[float, ...],
+    near: float,
+    arrival: float | None,
+    period: float,
+) -> tuple[str, ...]:
+    """Say what is proved of undisturbed motions from the start box."""
+    ranges = ", ".join(
+        f"{name} from {at_least(least)} to {at_most(most)}"
+        for name, least, most in zip(space.names, low, high, strict=True)
+    )
+    stays = (
+        f"Every undisturbed motion from the start box stays in {ranges} {space.unit}, between samples, too."
+    )
+    if arrival is None:
+        return (stays,)
+    return (
+        stays,
+        f"It is within {near:g} {space.unit} of its attractor after at most {at_most(arrival)} s, and stays "
+        f"there, at every controller period up to {at_least(period)} s, unless a speed cap slows it.",
+    )
+
+
+def _arrival(level: float, radius: float | None, rate: float | None, period: float) -> float | None:
+    """Return when √V, which shrinks by e^(−rΔt) a step, has come from √c down to ``radius``; rounded up."""
+    if radius is None or rate is None or math.isinf(level):
+        return None
+    factor = (1 + GUARD) * math.sqrt(level) / radius
+    return (1 + GUARD) * (math.log(factor) / rate + period) if factor > 1 else 0.0
