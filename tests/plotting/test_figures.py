@@ -178,6 +178,12 @@ def test_a_fit_shows_paths_and_speeds_of_every_demonstration(portrait, lines, te
     assert "learned without that demonstration" not in texts(figure)
 
 
+def test_a_fit_says_how_far_demonstrations_were_moved(portrait):
+    _, *profiles = draw_fit(portrait(2), [0.001, 0.002, 0.003], moved=[0.0, 0.02, None]).axes
+    titles = [axes.get_title().split("\n")[1] for axes in profiles]
+    assert titles == ["DTW 1.00 mm", "DTW 2.00 mm, moved 20.00 mm", "DTW 3.00 mm"]
+
+
 @pytest.mark.parametrize("dimension", [2, 3, 7])
 def test_motions_learned_without_a_demonstration_are_marked(portrait, lines, texts, dimension):
     shown = portrait(dimension)
