@@ -22,7 +22,7 @@ Example:
 
 Exit codes: 0 compared; 1 with --exit-code: behaviour or certificate differ by more than the tolerances."""
 
-SHOWN = 60  # characters of a value in the table
+SHOWN = 46  # characters of a value in the table
 REPORTS = "reports."  # three numbers a demonstration, which differ whenever skills do
 
 
@@ -87,6 +87,7 @@ def _numbers(report: DiffReport) -> render.Block:
         "covariances": lambda leaf: f"{leaf.covariances:.2%}",
         "matrices": lambda leaf: f"{leaf.system_matrices:.2%}",
         "Lyapunov": lambda leaf: f"{leaf.lyapunov:.2%}",
+        "coordinates": lambda leaf: "same" if leaf.coordinates else "other",
     }
     return render.table(report.leaves, columns)
 

@@ -6,7 +6,9 @@ quadratic features φ = (1, ξ_i, ξ_i ξ_j for i ≤ j). Target at the origin, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -141,14 +143,42 @@ def heun_rollouts(
     Returns:
         States and Heun's predicted states, each of shape (count + 1, d, D); the last prediction is unused.
     """
+    velocity = _flow(field, starts.shape[1])
     states = np.empty((count + 1, *starts.shape))
     predicted = np.empty_like(states)
-    x = starts
-    for index in range(count):
-        states[index] = x
-        slope = field.velocities(x)
-        ahead = x + steps * slope
-        predicted[index] = ahead
-        x = x + 0.5 * steps * (slope + field.velocities(ahead))
-    states[count] = predicted[count] = x
+    states[0], half = starts, 0.5 * steps
+    with np.errstate(over="ignore", invalid="ignore"):  # a rollout that explodes is for the caller to judge
+        for x, ahead, after in zip(states, predicted, states[1:], strict=False):
+            slope = velocity(x)
+            np.multiply(steps, slope, out=ahead)
+            ahead += x
+            slope += velocity(ahead)
+            slope *= half
+            np.add(x, slope, out=after)
+    predicted[count] = states[count]
     return states, predicted
+
+
+def _flow(field: Field, n: int) -> Callable[[FloatArray], FloatArray]:
+    """Return f for positions (d, n), made for many calls: its intermediate results keep their places."""
+    k, d, _ = field.matrices.shape
+    features = np.ones((field.logits.shape[1], n))
+    ends = np.cumsum([1 + d, *range(d, 0, -1)])
+    products = [features[first:last] for first, last in pairwise(ends)]
+    gates = np.empty((k, n))
+    mixed = np.empty((d * d + 1, n))  # Σ_k g_k A_k and, last, Σ_k g_k for gates g that do not sum to one yet
+    matrices = np.vstack([field.matrices.reshape(k, d * d).T, np.ones(k)])
+
+    def velocity(positions: FloatArray) -> FloatArray:
+        features[1 : 1 + d] = positions
+        for i, product in enumerate(products):
+            np.multiply(positions[i], positions[i:], out=product)
+        np.matmul(field.logits, features, out=gates)
+        np.subtract(gates, np.maximum.reduce(gates, axis=0), out=gates)
+        np.exp(gates, out=gates)
+        np.matmul(matrices, gates, out=mixed)
+        by_entry = mixed[:-1].reshape(d, d, n)
+        np.multiply(by_entry, positions, out=by_entry)
+        return np.asarray(np.add.reduce(by_entry, axis=1) / mixed[-1])
+
+    return velocity

@@ -144,8 +144,13 @@ class LearningObjective:
         moments = self.moments
         errors = field.velocities(moments.positions, moments.features) - self.targets
         cost = float((errors * moments.weighed(errors)).sum()) + self.ridge * float((field.matrices**2).sum())
-        matching = self._matched(field) if self.rollouts else None
-        return Evaluation(field, 0.5 * cost + (matching.cost if matching else 0.0), errors, matching)
+        if not self.rollouts:
+            return Evaluation(field, 0.5 * cost, errors, None)
+        states, predicted = heun_rollouts(field, self.paths[:, 0].T, self.steps, self.count)
+        if not np.isfinite(states).all():  # the steps are too long for so fast a field
+            return Evaluation(field, np.inf, errors, None)
+        matching = self._matched(states, predicted)
+        return Evaluation(field, 0.5 * cost + matching.cost, errors, matching)
 
     def normal_equations(self, evaluation: Evaluation) -> tuple[FloatArray, FloatArray]:
         """Return the Gauss–Newton matrix and the gradient of the cost at fixed matching, (p, p) and (p,).
@@ -166,11 +171,9 @@ class LearningObjective:
             normal += rows.T @ rows
         return normal, slope
 
-    def _matched(self, field: Field) -> Matching:
-        """Roll out from every demonstration's start and match both ways."""
-        demos = self.paths
-        states, predicted = heun_rollouts(field, demos[:, 0].T, self.steps, self.count)
-        rolled = states.transpose(2, 0, 1)
+    def _matched(self, states: FloatArray, predicted: FloatArray) -> Matching:
+        """Match the rollouts from every demonstration's start with the demonstration, both ways."""
+        demos, rolled = self.paths, states.transpose(2, 0, 1)
         trajectories, length, d = rolled.shape
         samples = demos.shape[1]
         rolled_phase, phase = phases(rolled), self.weights.phase
@@ -200,9 +203,9 @@ class LearningObjective:
 
 
 def reproduction_error(data: TrainingData, field: Field) -> float:
-    """Return the robust mean of squared distances between the demonstrations and motions from their starts."""
+    """Return the robust mean square distance of the demonstrations from motions that start where they do."""
     matching = LearningObjective(data, Weights(displacement=0.0), substeps=2).evaluate(field).matching
-    assert matching is not None
+    assert matching is not None  # there are rollouts
     return matching.cost
 
 
@@ -273,22 +276,17 @@ def _nearest_place(
     # With the phase as one more coordinate, a difference in phase is part of the distance.
     a = np.concatenate([points, phase_cost * point_phase[..., None]], axis=2)
     b = np.concatenate([path, phase_cost * path_phase[..., None]], axis=2)
-    squared = (b * b).sum(axis=2)[:, None] - 2.0 * a @ b.swapaxes(1, 2)
+    squared = np.einsum("...i,...i", b, b)[:, None] - 2.0 * a @ b.swapaxes(1, 2)
     nearest = squared.argmin(axis=2)
     last = path.shape[1] - 2
     # The nearest vertex has a segment on either side: the nearer one of the two is taken.
-    before, after = np.clip(nearest - 1, 0, last), np.clip(nearest, 0, last)
-    share_before, distance_before = _project(a, b, before)
-    share_after, distance_after = _project(a, b, after)
-    later = distance_after < distance_before
-    return np.where(later, after, before), np.where(later, share_after, share_before)
-
-
-def _project(points: FloatArray, path: FloatArray, index: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return share along, and squared distance to, the given segment for each point. Both (D, T)."""
+    segments = np.stack([np.clip(nearest - 1, 0, last), np.clip(nearest, 0, last)])
     row = np.arange(len(points))[:, None]
-    origin = path[row, index]
-    step = path[row, index + 1] - origin
-    share = ((points - origin) * step).sum(axis=2) / np.maximum((step * step).sum(axis=2), 1e-24)
-    share = np.clip(share, 0.0, 1.0)
-    return share, np.asarray(((origin + share[..., None] * step - points) ** 2).sum(axis=2))
+    origins = b[row, segments]
+    steps = b[row, segments + 1] - origins
+    lengths = np.maximum(np.einsum("...i,...i", steps, steps), 1e-24)
+    shares = np.clip(np.einsum("...i,...i", a - origins, steps) / lengths, 0.0, 1.0)
+    offsets = origins + shares[..., None] * steps - a
+    distances = np.einsum("...i,...i", offsets, offsets)
+    later = distances[1] < distances[0]
+    return np.where(later, segments[1], segments[0]), np.where(later, shares[1], shares[0])

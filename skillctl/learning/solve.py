@@ -62,6 +62,7 @@ def solve(
         InputDataError: Fewer distinct points than components.
         FitError: The search broke down.
     """
+    _keep_freed_memory()
     try:
         return _solve(data, lyapunov, n_components, options, progress)
     except np.linalg.LinAlgError as error:
@@ -69,6 +70,16 @@ def solve(
             f"no skill could be fitted: a matrix became singular ({error}).",
             hint="Look for demonstrations that differ from the others, or use fewer --components.",
         ) from error
+
+
+def _keep_freed_memory() -> None:
+    """Make the C library keep memory that is freed, for the next array of that size.
+
+    Every iteration makes arrays of some hundred kilobytes. GNU's malloc gives such memory back to the system
+    as soon as it is free, and getting it anew, page by page, takes a fourth of learning. Once a block of
+    nearly 32 MB (never touched, so that it costs nothing) has been freed, it keeps up to twice as much.
+    """
+    np.empty(2**25 - 2**16, dtype=np.uint8)
 
 
 def _solve(

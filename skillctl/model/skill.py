@@ -269,6 +269,22 @@ class ActingSkill(Skill):
             return states
         return self.coordinates.forward(states - self.attractor) + self.attractor
 
+    def component_velocities(self, states: FloatArray) -> FloatArray:
+        """Return what each component adds to ξ̇ at states (n, d): h̃ₖ Aₖ, led back. Shape (n, K, d)."""
+        y, pull = self.coordinates.tangent(states - self.attractor)
+        shares = np.einsum("nk,kij,nj->kni", self.responsibilities(states), self.component_matrices, y)
+        return np.stack([pull(each) for each in shares], axis=1)
+
+    def decay(self, states: FloatArray) -> FloatArray:
+        """Return −V̇ / (2 V) at states (n, d), shape (n,), [1/s]: how fast √V shrinks there.
+
+        Zero exactly where V̇ is, negative where V grows, and no number at the attractor.
+        """
+        y = self.lifted(states)
+        pulled = (y - self.attractor) @ self.lyapunov
+        along = (pulled * self._moved(y, states)).sum(axis=1)
+        return np.asarray(-along / (pulled * (y - self.attractor)).sum(axis=1))
+
     @abstractmethod
     def accelerated(self: AnyActing, factor: float) -> AnyActing:
         """Return the same motion, faster by a positive factor."""

@@ -13,6 +13,7 @@ from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
 from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import MergeOptions
+from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
 from skillctl.evaluate.errors import report_errors, strays
 from skillctl.model.coordinates.chain import IDENTITY
@@ -198,7 +199,7 @@ def _fitted(
             together.parts, demonstrations, together.lyapunov, level=task.level, target=target
         )
         certificate = require_stable(certify(fitted.skill))
-        done = operation.model_copy(update={"results": _results(fitted, together)})
+        done = operation.model_copy(update={"results": _results(fitted, together, read.faults)})
         inputs = [input_record(file.path, file.sha256, file.importer) for file in read.sources]
         used = [sources[index] for index in fitted.used]
         artifact = child_artifact(fitted.skill, used, done, _carried_reports(fitted, together), inputs)
@@ -320,8 +321,8 @@ def _new_reports(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
     )
 
 
-def _results(fitted: FittedMerger, together: Together) -> dict[str, Any]:
-    results = {**together.results, "choice": fitted.choice}
+def _results(fitted: FittedMerger, together: Together, faults: Sequence[Fault]) -> dict[str, Any]:
+    results = {**together.results, "choice": fitted.choice, "warnings": told(faults)}
     for name, errors in (("errors", fitted.errors), ("held_out", fitted.held_out)):
         if errors is not None:
             results[name] = (errors.best_single, errors.equal, errors.fitted)

@@ -182,6 +182,15 @@ def test_states_between_two_nodes_count_at_both(data: TrainingData) -> None:
     np.testing.assert_allclose(rows.T @ rows, np.diag([first, middle, last]), rtol=1e-12)
 
 
+def test_a_field_whose_rollouts_explode_has_an_infinite_cost(data: TrainingData, initial: Field) -> None:
+    # Heun's step multiplies by 1 − r + r²/2, here by 5e13, and does so 44 times.
+    rate = 1e7 / data.steps.min()
+    evaluation = LearningObjective(data).evaluate(
+        Field(0 * initial.matrices - rate * np.eye(2), initial.logits)
+    )
+    assert (evaluation.cost, evaluation.matching) == (np.inf, None)
+
+
 def test_every_step_lowers_the_cost_and_stays_strictly_stable(data: TrainingData, initial: Field) -> None:
     objective = LearningObjective(data)
     state = State(objective.evaluate(initial), BARRIER)
