@@ -11,7 +11,7 @@ made. Only the standard library is imported here, because ``--help`` must not wa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -137,9 +137,12 @@ def read_point(text: str) -> tuple[float, ...]:
     return point
 
 
-def read_words(text: str) -> tuple[str, ...]:
-    """Read ``x,y,z``, or raise ValueError."""
-    return _listed(text, str, "names separated by commas, as in x,y,z")
+def read_words(text: str, known: Sequence[str] = ()) -> tuple[str, ...]:
+    """Read ``x,y,z``, or raise ValueError; if words are known, no others."""
+    words = _listed(text, str, "names separated by commas, as in x,y,z")
+    if known and (others := [word for word in words if word not in known]):
+        raise ValueError(f"{others[0]!r} is not one of {', '.join(known)}.")
+    return words
 
 
 def read_ranges(text: str) -> tuple[int, ...]:
@@ -150,6 +153,17 @@ def read_ranges(text: str) -> tuple[int, ...]:
             raise ValueError(f"{text!r} is not a list of numbers from 0 on, as in 0,2,5-9.")
         numbers.extend(range(int(first), int(last or first) + 1))
     return tuple(numbers)
+
+
+def written_ranges(numbers: Sequence[int]) -> str:
+    """Return increasing numbers as ``read_ranges`` reads them: ``0,2,5-9``."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1] = [parts[-1][0], number]
+        else:
+            parts.append([number])
+    return ",".join("-".join(map(str, part)) for part in parts)
 
 
 def _listed(text: str, read: Callable[[str], Any], expected: str) -> tuple[Any, ...]:

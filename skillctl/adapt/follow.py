@@ -141,11 +141,7 @@ class _Mixture:
         if self.level == "part":
             fields = np.stack([part.velocity(positions) for part in self.parts], axis=1)
         else:
-            gates = np.hstack([part.responsibilities(positions) for part in self.parts])
-            matrices = np.concatenate([part.component_matrices for part in self.parts])
-            fields = gates[:, :, None] * np.einsum(
-                "kij,nj->nki", matrices, positions - self.parts[0].attractor
-            )
+            fields = np.concatenate([part.component_velocities(positions) for part in self.parts], axis=1)
         return np.asarray(self.shares[self.owners, None] * fields)
 
     def speed(self, factors: FloatArray, demonstrations: DemonstrationSet) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +18,7 @@ from skillctl.errors import FitError
 from skillctl.geometry import phases
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
-from skillctl.model.rollout import rollout
+from skillctl.model.rollout import Rollouts, rollout
 from skillctl.model.skill import ActingSkill, Skill, contraction_period
 from skillctl.model.space import Space
 
@@ -26,6 +26,7 @@ PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # distance of a neighbour's start, as a share of the demonstration's way to its end
 PAIRED = 4  # pairs are tried of this many parts, those that alone come nearest
 PATIENCE = 5  # a motion is followed for this many durations of the longest demonstration
+NEAR = 0.05  # of the way to its end: nearer than that a motion is as good as done
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
 
@@ -51,7 +52,7 @@ class FittedMerger:
     """A merged skill fitted to a task.
 
     Attributes:
-        skill: Superposition of the parts used; its speed is the sum of the weights.
+        skill: Superposition of the parts used, as fast as the demonstrations.
         used: Indices of the parts with a weight.
         choice: How the weights were found: ``one part``, ``equal weights``, ``equal weights of two``,
             ``weights per part`` or ``per component``.
@@ -137,7 +138,7 @@ def fit_to_task(
         held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances[:, 0])
     used = tuple(np.flatnonzero(best.weights).tolist())
-    return FittedMerger(best.skill, used, best.choice, errors, held_out)
+    return FittedMerger(timed(best.skill, task), used, best.choice, errors, held_out)
 
 
 def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
@@ -148,13 +149,50 @@ def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) 
         task: Demonstrations; each counts relative to its own end.
         attractor: Where they end, (d,).
     """
-    paths = [motion.positions - motion.positions[-1] + attractor for motion in task]
-    longest = max(motion.duration for motion in task)
+    paths = _paths(task, attractor)
+    found = _motions(skill, paths, max(motion.duration for motion in task))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.array([metrics.dtw(found.trajectory(i)[1], path) for i, path in enumerate(paths)])
+
+
+def timed(skill: MergedSkill, task: DemonstrationSet) -> MergedSkill:
+    """Return a merger at the speed at which its motions near the target as soon as the demonstrations do.
+
+    Velocities that are averaged or that miss the demonstrated directions fit best when they are too small, so
+    the speed that fits them is too slow. The path does not depend on it. Where the parts contract at a
+    controller period that the faster merger would not contract at, it is as fast as that period allows.
+
+    Args:
+        skill: A superposition.
+        task: Demonstrations; each counts relative to its own end.
+    """
+    goal, paths = skill.attractor, _paths(task, skill.attractor)
+    found = _motions(skill, paths, max(motion.duration for motion in task))
+    ratios = []
+    for index, (motion, path) in enumerate(zip(task, paths, strict=True)):
+        near = NEAR * float(np.linalg.norm(path - goal, axis=1).max())
+        taken = _time_to_near(*found.trajectory(index), goal, near)
+        ratios.append(taken / _time_to_near(motion.times - motion.times[0], path, goal, near))
+    ratio = float(np.clip(np.median(ratios), 1 / PATIENCE, PATIENCE))
+    return slowed(replace(skill, speed=skill.speed * ratio))
+
+
+def _time_to_near(times: FloatArray, path: FloatArray, goal: FloatArray, near: float) -> float:
+    """Return when a path (n, d) is nearer than ``near`` to the goal for good, or ends, [s]."""
+    outside = np.flatnonzero(np.linalg.norm(path - goal, axis=1) > near)
+    return float(times[min(outside[-1] + 1, len(times) - 1)]) if outside.size else 0.0
+
+
+def _paths(task: DemonstrationSet, attractor: FloatArray) -> list[FloatArray]:
+    return [motion.positions - motion.positions[-1] + attractor for motion in task]
+
+
+def _motions(skill: Skill, paths: Sequence[FloatArray], longest: float) -> Rollouts:
+    """Return the motions of a skill from where paths begin; a step longer than proved may diverge."""
     stable = 0.5 * contraction_period(skill)
     period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
-    with np.errstate(over="ignore", invalid="ignore"):  # a step longer than proved may diverge
-        found = rollout(skill, np.stack([p[0] for p in paths]), duration=PATIENCE * longest, period=period)
-        return np.array([metrics.dtw(found.trajectory(i)[1], path) for i, path in enumerate(paths)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        return rollout(skill, np.stack([p[0] for p in paths]), duration=PATIENCE * longest, period=period)
 
 
 def _family(motion: Demonstration, space: Space) -> DemonstrationSet:

@@ -21,7 +21,7 @@ Example:
   skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5
   skillctl combine left.h5 right.h5 --calibrate -o both.h5"""
 
-SELDOM = 0.5  # a part that acts at a smaller share of the starts of its demonstrations is worth a warning
+LOST = 0.25  # a part that loses a larger share of its left-out demonstrations is worth a warning
 
 
 def combine(
@@ -65,23 +65,28 @@ def blocks(report: CombineReport) -> list[render.Block]:
 
 def _displaced(report: CombineReport) -> list[str]:
     """Return a sentence for each part that seldom acts where it was taught: a proof does not show that."""
+    seldom = {part.part: part for part in report.coverage if part.lost > LOST * part.demonstrations}
     untried = report.status == "combined" and report.coverage_before is None
-    advice = "; --calibrate chooses priors that give it more" if untried else ""
-    return [
-        f"part {part.part} acts at {round(part.selected * part.demonstrations)} of the {part.demonstrations} "
-        f"starts of its own demonstrations, another part at the others{advice}."
-        for part in report.coverage
-        if part.selected < SELDOM
-    ]
+    sentences = []
+    for part in seldom.values():
+        if part.instead in seldom:
+            more = ": both were taught from much the same places, so the start does not tell which is wanted"
+        else:
+            more = "; --calibrate chooses priors that give it more" if untried else ""
+        sentences.append(
+            f"{part.lost} of the {part.demonstrations} demonstrations of part {part.part}, left out in turn, "
+            f"start where another part acts, mostly part {part.instead}{more}."
+        )
+    return sentences
 
 
 def _coverage(report: CombineReport) -> render.Table:
-    """Return what each part keeps of its demonstrations, and kept before calibration."""
+    """Return what each part keeps of demonstrations that were left out, and kept before calibration."""
     columns = {
         "part": lambda part: part.part,
         "demonstrations": lambda part: part.demonstrations,
-        "start selects it": lambda part: words.percent(part.selected),
-        "and ends at its target": lambda part: words.percent(part.kept),
+        "left out: selects it": lambda part: words.percent(part.selected),
+        "and ends there": lambda part: words.percent(part.kept),
     }
     if report.coverage_before is not None:
         before = {part.part: words.percent(part.kept) for part in report.coverage_before}

@@ -87,6 +87,7 @@ def _numbers(report: DiffReport) -> render.Block:
         "covariances": lambda leaf: f"{leaf.covariances:.2%}",
         "matrices": lambda leaf: f"{leaf.system_matrices:.2%}",
         "Lyapunov": lambda leaf: f"{leaf.lyapunov:.2%}",
+        "coordinates": lambda leaf: "same" if leaf.coordinates else "other",
     }
     return render.table(report.leaves, columns)
 

@@ -114,6 +114,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         *words.proof(report.certificate),
         *words.stages(results.get("stages", ())),
         *words.held_out(HeldOut.recorded(results), unit),
+        *words.warnings(results.get("warnings", ())),
     )
     found: list[render.Block] = [render.Facts(facts)]
     if report.at is not None:
@@ -122,6 +123,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         "part": lambda leaf: leaf.part,
         "leaf": lambda leaf: leaf.leaf,
         "components": lambda leaf: leaf.n_components,
+        "shears": lambda leaf: leaf.shears or words.NONE,
         "attractor": lambda leaf: words.point(leaf.attractor.tolist(), unit),
         "speed": lambda leaf: f"{leaf.speed:g}",
         "demonstrations": lambda leaf: leaf.demonstrations,
@@ -175,7 +177,7 @@ def _regions(regions: Sequence[Region], unit: str) -> render.Table:
         "region": lambda region: region.part,
         "prior": lambda region: f"{region.prior:.3g}",
         "ends at": lambda region: words.point(region.attractor, unit),
-        "own starts in it": lambda region: words.percent(region.selected),
+        "left-out starts in it": lambda region: words.percent(region.selected),
         "proved radius": lambda region: words.length(region.radius, unit),
     }
     return render.table(regions, columns)

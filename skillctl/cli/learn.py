@@ -138,6 +138,8 @@ def _learn_batch(
             named = [f"{each.skill}: {note}" for note in made.notes]
             reasons = [f"{each.skill}: {reason}" for reason in made.reasons if making.explain]
             words.explain(output, named, reasons)
+            for sentence in made.warnings:
+                output.warning(f"{each.skill}: {sentence}")
     output.result(report, lambda: [_table(report)])
     failures = [describe(each.error) for each in report.skills if each.error is not None]
     output.failures(failures, len(report.skills), "learned")

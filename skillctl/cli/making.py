@@ -42,6 +42,8 @@ def make(
     written = report.written
     finish_target(file, made_from(report), created=written.created, depfile=depfile, if_changed=if_changed)
     words.explain(output, report.notes, report.reasons if making.explain else ())
+    for sentence in report.warnings:
+        output.warning(sentence)
     current = f"{written.skill} is up to date: the same inputs and options gave it. --force makes it again."
     output.result(report, lambda: [current] if report.status == "up to date" else blocks(report))
     return report

@@ -25,7 +25,7 @@ class Output:
 
     Attributes:
         as_json: The result is one JSON document; so is an error.
-        quiet: Nothing but the result and errors.
+        quiet: Nothing but the result, warnings and errors.
         verbose: Also what is being done.
         debug: Tracebacks.
         command: What is being run, as it is typed.
@@ -66,6 +66,11 @@ class Output:
         """Print a command that is run; where its line is broken it ends so that it can be pasted."""
         if not (self.quiet or self.as_json):
             _to_stderr(_wrapped(f"$ {printable(command)}", ending=" \\"))
+
+    def warning(self, text: str) -> None:
+        """Print what must not be missed, even with --quiet; the document of --json holds it."""
+        if not self.as_json:
+            _to_stderr(_wrapped(printable(f"warning: {text}")))
 
     def detail(self, text: str) -> None:
         """Print what is only of interest with --verbose."""

@@ -121,6 +121,11 @@ def stages(ended: Any) -> tuple[tuple[str, str], ...]:
     return tuple(("learning", stage) for stage in ended[-1:])
 
 
+def warnings(sentences: Any) -> tuple[tuple[str, str], ...]:
+    """Return what was wrong with what a skill was made from, as facts."""
+    return tuple(("warning", sentence) for sentence in sentences)
+
+
 def written(place: Written) -> tuple[tuple[str, str], ...]:
     """Return where a new skill is, and what it is."""
     name = place.skill if place.created else f"{place.skill} (unchanged)"
@@ -165,12 +170,17 @@ def refits(refits: Sequence[Refit], unit: str) -> list[Table]:
 def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_leaf: bool = False) -> Table:
     """Return a table of how well each demonstration is repeated."""
     leaf = {"leaf": lambda report: report.leaf + 1} if with_leaf else {}
+    moved = {
+        "moved": lambda report: length(report.moved, unit),
+        "DTW unmoved": lambda report: length(report.dtw_unmoved, unit),
+    }
     columns = {
         **leaf,
         "demonstration": lambda report: report.source,
         "duration": lambda report: f"{report.duration:.2f} s",
         "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
         "DTW": lambda report: length(report.dtw, unit),
+        **(moved if any(report.moved for report in reports) else {}),
         "arrives": lambda report: (
             f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
         ),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
+from skillctl.model.gates import COMBINE_GATES, MERGE_GATES, gate_parameters, merge_gate
 from skillctl.options import MOTION, Named, Option, option, read_numbers, read_point
 
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ class MergeOptions:
         )
 
     def recorded(self) -> dict[str, Any]:
-        """Return what decides the result, as a skill's record has it: with all parameters of all gates."""
-        parameters = {each.name: self.parameters.get(each.name, each.default) for each in GATE_PARAMETERS}
+        """Return what decides the result, as a skill's record has it: with all parameters of the gate."""
+        parameters = gate_parameters(merge_gate(self.gate), self.parameters)
         return {
             "part_weights": self.part_weights,
             "gate": self.gate,

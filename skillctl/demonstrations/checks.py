@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.demonstrations.faults import Fault
+from skillctl.demonstrations.judgement import Track, judge_recording
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
+from skillctl.demonstrations.sets import judge_together
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError
 from skillctl.geometry import segment_lengths
@@ -18,10 +21,6 @@ LARGEST = 1e9  # larger positions are refused, in any unit; sums of squares then
 GAP = 3.0  # a step this many times longer than the median is a gap
 JITTER = 0.5  # spread of the middle 90 % of steps, against their median
 LONG = 600.0  # [s]; one demonstration of a motion is shorter, unless times are not in seconds
-END_SPREAD = 0.1  # of the extent: ends further apart than this are reported
-SPIKE = 10.0  # a step this many times longer than the median one is a jump
-SPIKE_SAMPLES = 5  # a jump that is taken back after at most this many samples is a spike
-SPIKE_RETURN = 0.5  # taken back: what remains is shorter than this share of either jump
 EXTENTS = (0.005, 10.0)  # [m]; extents that motions of an arm have
 REACH = 2.0  # [m] of most arms
 
@@ -37,10 +36,9 @@ class Findings:
         gap_after: Place of the sample before the gap, in words.
         jitter: Spread of the steps against their median, 0 if even.
         duration: [s].
-        spikes: Jumps aside that are taken back within a few samples.
-        spike: Length of the longest of these jumps, in the unit of the demonstration.
-        spike_at: Place of the sample that it leads to, in words.
         estimated_step: Sampling period if it is estimated from the velocities, else 0, [s].
+        track: The recording as it was judged.
+        faults: Of this recording by itself.
     """
 
     label: str
@@ -49,10 +47,9 @@ class Findings:
     gap_after: str
     jitter: float
     duration: float
-    spikes: int
-    spike: float
-    spike_at: str
     estimated_step: float
+    track: Track
+    faults: tuple[Fault, ...]
 
 
 @np.errstate(all="ignore")  # overflow gives values that are not finite, which Demonstration refuses
@@ -79,14 +76,23 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
             "there is no motion to learn.",
             hint="Check that the recording is whole and the position columns are right, or leave it out.",
         )
-    per_unit = UNITS[recording.unit].per_base
+    per_unit, unit = UNITS[recording.unit].per_base, recording.base
     times, positions = times - times[0], positions * scale / per_unit
+    whole = Track(recording.source, unit, recording.where, rows, times, positions)
+    track, faults = judge_recording(whole)
     if recording.velocities is None:
-        demonstration = Demonstration.from_positions(times, positions, recording.source)
+        demonstration = Demonstration.from_positions(track.times, track.positions, recording.source)
     else:
-        velocities = recording.velocities[rows] * scale / per_unit
-        demonstration = Demonstration(times, positions, velocities, recording.source)
-    return demonstration, _findings(recording, demonstration, rows, estimated)
+        velocities = recording.velocities[track.samples] * scale / per_unit
+        demonstration = Demonstration(track.times, track.positions, velocities, recording.source)
+    findings = _findings(recording, whole, estimated)
+    return demonstration, replace(findings, track=track, faults=tuple(faults))
+
+
+def judge(findings: Sequence[Findings]) -> list[Fault]:
+    """Return the faults of recordings, each by itself and beside the others; ``demo`` counts them from 0."""
+    own = [replace(fault, demo=demo) for demo, found in enumerate(findings) for fault in found.faults]
+    return own + judge_together([found.track for found in findings])
 
 
 def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) -> list[str]:
@@ -108,14 +114,6 @@ def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) ->
             f"{_some(uneven, total)} with uneven time steps; worst {worst.label}, where they spread by "
             f"{worst.jitter:.0%} of their median."
         )
-    if spiky := [f for f in findings if f.spikes]:
-        worst = max(spiky, key=lambda f: f.spike)
-        spikes = sum(f.spikes for f in spiky)
-        notes.append(
-            f"{spikes} spike{'s' if spikes > 1 else ''} in {_some(spiky, total)}, where positions jump aside "
-            f"and back; the largest, {worst.spike:.3g} {demonstrations.space.unit}, in {worst.label} at "
-            f"{worst.spike_at}."
-        )
     if estimated := [f.estimated_step for f in findings if f.estimated_step]:
         notes.append(
             f"the sampling period follows from the velocities: {1e3 * float(np.median(estimated)):.4g} ms."
@@ -135,14 +133,7 @@ def _some(findings: Sequence[Findings], total: int) -> str:
 def _shape_notes(demonstrations: DemonstrationSet) -> list[str]:
     notes = []
     extent = demonstrations.extent
-    ends = np.stack([demonstration.positions[-1] for demonstration in demonstrations])
-    spread = float(np.linalg.norm(ends - ends.mean(axis=0), axis=1).max())
     unit = demonstrations.space.unit
-    if spread > END_SPREAD * extent:
-        notes.append(
-            f"the end points lie up to {spread:.3g} {unit} from their mean, {spread / extent:.0%} of the "
-            "extent of the motion; are they demonstrations of one motion to one target?"
-        )
     if unit == "m" and extent > EXTENTS[1]:
         likely = [name for name in ("cm", "mm") if extent < REACH * UNITS[name].per_base]
         notes.append(
@@ -215,44 +206,20 @@ def _require_increasing(recording: Recording, times: FloatArray, rows: IntArray)
         raise _refusal(recording, rows[at], words, hint)
 
 
-def _findings(
-    recording: Recording, demonstration: Demonstration, rows: IntArray, estimated: float
-) -> Findings:
-    steps = np.diff(demonstration.times)
-    spikes = _spikes(demonstration.positions)
-    spike, spike_length = max(spikes, key=lambda each: each[1], default=(0, 0.0))
+def _findings(recording: Recording, track: Track, estimated: float) -> Findings:
+    """Return what can be said of a recording before it is judged."""
+    steps = np.diff(track.times)
     median = float(np.median(steps))
     longest = int(np.argmax(steps))
     low, high = np.percentile(steps, [5, 95])
     return Findings(
         label=recording.label,
-        duplicates=len(recording.positions) - len(rows),
+        duplicates=len(recording.positions) - len(track.times),
         gap=float(steps[longest]) if steps[longest] > GAP * median else 0.0,
-        gap_after=recording.where(int(rows[longest])),
+        gap_after=track.place(longest),
         jitter=float((high - low) / median),
-        duration=demonstration.duration,
-        spikes=len(spikes),
-        spike=spike_length,
-        spike_at=recording.where(int(rows[spike])),
+        duration=float(track.times[-1]),
         estimated_step=estimated,
+        track=track,
+        faults=(),
     )
-
-
-def _spikes(positions: FloatArray) -> list[tuple[int, float]]:
-    """Return the samples that jump aside before the motion goes on where it was, and how far each jumps.
-
-    A jump is long in comparison with the median of the steps that move at all. Where a motion is fast after
-    a long slow phase, its steps are long, too, but they are not taken back.
-    """
-    steps = segment_lengths(positions)
-    moving = steps[steps > 0]
-    jumps = np.flatnonzero(steps > SPIKE * np.median(moving)) if moving.size else np.zeros(0, dtype=np.int64)
-    out, back = jumps[:-1], jumps[1:]
-    shorter = np.minimum(steps[out], steps[back])
-    left = np.linalg.norm(positions[back + 1] - positions[out], axis=1)
-    there_and_back = (back - out <= SPIKE_SAMPLES) & (left < SPIKE_RETURN * shorter)
-    spikes: list[int] = []
-    for jump in np.flatnonzero(there_and_back).tolist():
-        if not spikes or jump > spikes[-1] + 1:  # the jump back is not the first jump of the next spike
-            spikes.append(jump)
-    return [(int(out[jump]) + 1, float(steps[out[jump]])) for jump in spikes]

@@ -27,6 +27,7 @@ RATE = re.compile(r"((capture|data|camera|frame|sampl\w*)*(rate|frequency|fps))(
 PERIOD = re.compile(r"dt|(sampl\w*)?period")
 LENGTH = re.compile(r"(length|position)?units?")
 MARKERS = "MARKER_NAMES"  # of a table without a header, three columns each
+SWAPPED = str.maketrans(",.", ".,")
 COMMAS = {  # what a cell shows about the commas of its column
     "decimal": re.compile(r"[-+]?(\d*,(?!\d{3}$)\d+|0*,\d+|\d{1,3}(\.\d{3})+,\d+)([eE][-+]?\d+)?"),
     "thousands": re.compile(r"[-+]?\d{1,3}((,\d{3}){2,}|(,\d{3})+\.\d*)"),
@@ -127,6 +128,24 @@ def meaning_of_commas(rows: Iterable[Row], columns: Sequence[int], where: str) -
     Raises:
         InputDataError: It may be either, and nothing tells.
     """
+    kind, line, cell = _evidence(rows, columns)
+    if kind != "either":
+        return kind
+    raise InputDataError(
+        f"{where}, line {line}: {cell} is {cell.replace(',', '.')} with a decimal comma, and "
+        f"{cell.replace(',', '')} with a comma between thousands; nothing in the table tells which.",
+        hint="Export it with decimal points and without separators between thousands.",
+    )
+
+
+def points_separate_thousands(rows: Iterable[Row], columns: Sequence[int]) -> bool:
+    """Return whether points are no decimal points: ``1.650`` in a column with whole numbers below 1000."""
+    swapped = ((line, [cell.translate(SWAPPED) for cell in row]) for line, row in rows)
+    return _evidence(swapped, columns)[0] == "thousands"
+
+
+def _evidence(rows: Iterable[Row], columns: Sequence[int]) -> tuple[str, int, str]:
+    """Return what commas are: decimal, thousands, either or nothing; and line and text of the first cell."""
     shown: dict[int, set[str]] = {column: set() for column in columns}
     doubtful = (0, "")
     for line, row in rows:
@@ -134,19 +153,12 @@ def meaning_of_commas(rows: Iterable[Row], columns: Sequence[int], where: str) -
             cell = row[column].strip() if column < len(row) else ""
             kind = next((kind for kind, pattern in COMMAS.items() if pattern.fullmatch(cell)), "")
             if kind in ("decimal", "thousands"):
-                return kind
+                return kind, line, cell
             shown[column].add(kind)
             doubtful = (line, cell) if kind == "either" and not doubtful[0] else doubtful
-    if not doubtful[0]:
-        return ""
     if any({"either", "hundreds"} <= kinds and "larger" not in kinds for kinds in shown.values()):
-        return "thousands"
-    line, cell = doubtful
-    raise InputDataError(
-        f"{where}, line {line}: {cell} is {cell.replace(',', '.')} with a decimal comma, and "
-        f"{cell.replace(',', '')} with a comma between thousands; nothing in the table tells which.",
-        hint="Export it with decimal points and without separators between thousands.",
-    )
+        return "thousands", *doubtful
+    return "either" if doubtful[0] else "", *doubtful
 
 
 def _separator(head: Sequence[str]) -> str:

@@ -10,7 +10,13 @@ from pathlib import Path
 
 from skillctl.demonstrations import clock
 from skillctl.demonstrations.columns import Column, chosen, positions, recognised
-from skillctl.demonstrations.dialect import Opened, is_number, meaning_of_commas, parsed
+from skillctl.demonstrations.dialect import (
+    Opened,
+    is_number,
+    meaning_of_commas,
+    parsed,
+    points_separate_thousands,
+)
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import listed
 from skillctl.demonstrations.units import SPELLED, UNITS
@@ -62,7 +68,7 @@ class Layout:
         unit: Of them.
         said: Whether the table says that unit.
         unused: Names of columns that are not used, although the user did not choose columns.
-        commas: What a comma in a number is, see ``meaning_of_commas``.
+        commas: What a comma in a number is, see ``meaning_of_commas``, or ``points`` if these do.
     """
 
     path: Path
@@ -137,7 +143,7 @@ def layout_of(table: Opened, file: File) -> Layout:
         said,
         tuple(names[i] for i in unused),
     )
-    return replace(layout, commas=_commas(table, layout, file))
+    return _between_thousands(table, layout, file)
 
 
 def _fitting(names: Sequence[str], first: Sequence[str]) -> tuple[str, ...]:
@@ -239,10 +245,15 @@ def _unit(found: Sequence[Column], is_thing: bool, table: Opened, path: Path) ->
     return (above.name, True) if above is not None and above.base == base else (base, False)
 
 
-def _commas(table: Opened, layout: Layout, file: File) -> str:
-    """Return what commas in numbers are; if commas separate cells, they stand in quoted cells only."""
-    if (b'"' if table.separator == "," else b",") not in file.content:
-        return ""
+def _between_thousands(table: Opened, layout: Layout, file: File) -> Layout:
+    """Return a layout that says what commas and points in numbers are.
+
+    If commas separate cells, others stand in quoted cells only.
+    """
     lines = islice(text_of(file), table.above, None)
     rows = parsed(lines, table.separator, table.above)
-    return meaning_of_commas(rows, layout.numeric, str(file.path))
+    if (b'"' if table.separator == "," else b",") in file.content:
+        return replace(layout, commas=meaning_of_commas(rows, layout.numeric, str(file.path)))
+    if table.separator in (";", "\t") and points_separate_thousands(rows, layout.numeric):
+        return replace(layout, commas="points")
+    return layout

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.features import Choice, Features, choose, numbered, points
+from skillctl.demonstrations.features import Choice, Features, choose, numbered, offered, points
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, listed
 from skillctl.errors import InputDataError, printable
@@ -86,10 +86,12 @@ def _choice(features: Features, file: File) -> Choice:
     named = STATE in observed and observed[STATE] != numbered(STATE, len(observed[STATE]))
     if not holding and named:
         return choose([STATE], observed, file, what="feature")
-    numbers = [f"{name}/{label}" for name, labels in observed.items() for label in labels]
+    there = observed or features
+    numbers = [f"{name} ({listed(labels)})" for name, labels in there.items()]
+    offer = offered(there) or f"Choose with --columns, as in --columns '{STATE}_[0-2]'."
     raise InputDataError(
         f"{file.path}: it is not certain which numbers are the position.",
-        hint=f"Choose with --columns, as in --columns '{STATE}_[0-2]'. They are: {listed(numbers, 40)}.",
+        hint=f"{offer} They are: {', '.join(numbers) or 'none'}.",
     )
 
 

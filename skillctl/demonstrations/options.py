@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.options import option, read_ranges, read_words
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
+Fault: TypeAlias = Literal["dropouts", "jumps", "clock", "directions", "ends", "crossings"]
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,13 @@ class Reading:
     max_dimension: int = option(
         7, metavar="N", group=READING, help="Refuse motions of more dimensions; an arm has seven joints."
     )
+    accept: tuple[Fault, ...] | None = option(
+        read=lambda text: read_words(text, get_args(Fault)),
+        metavar="KIND,…",
+        group=READING,
+        help=f"Learn from recordings with large faults of these kinds, too: {', '.join(get_args(Fault))}. "
+        "Small ones are warnings.",
+    )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
@@ -71,16 +79,25 @@ class Reading:
     def recorded(self) -> dict[str, Any]:
         """Return the choices that decide what is read, by their names.
 
-        A bound only refuses; and skills made before there were axes and topics to choose stay up to date
-        without them.
+        A bound only refuses; and skills made before there were some of these choices stay up to date without
+        them.
         """
-        later = ("axes", "topic")
+        later = ("axes", "topic", "accept")
         chosen = {name: value for name, value in vars(self).items() if value is not None or name not in later}
         del chosen["max_dimension"]
         return chosen
 
     def read(self, paths: Sequence[Path], *, arm: RecordedArm | None = None) -> ReadResult:
-        """Return the demonstrations in the files, of the hand if they are joints of an arm."""
-        from skillctl.demonstrations.reader import read_demonstrations  # late: it imports NumPy
+        """Return the demonstrations in the files, of the hand if they are joints of an arm.
 
-        return read_demonstrations(paths, arm=arm, **vars(self))
+        Raises:
+            InputDataError: Large faults that are not accepted; and what ``read_demonstrations`` raises.
+        """
+        from skillctl.demonstrations.faults import require_accepted  # late: both import NumPy
+        from skillctl.demonstrations.reader import read_demonstrations
+
+        choices = dict(vars(self))
+        accepted = choices.pop("accept")
+        result = read_demonstrations(paths, arm=arm, **choices)
+        require_accepted(result.faults, accepted or (), result.chosen)
+        return result

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from skillctl.demonstrations.arm import RecordedArm
-from skillctl.demonstrations.checks import Findings, prepare, set_notes
+from skillctl.demonstrations.checks import Findings, judge, prepare, set_notes
+from skillctl.demonstrations.faults import Fault
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
-from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
 from skillctl.workers.child import Child
 from skillctl.workers.limits import Limits
@@ -45,11 +46,21 @@ class InputFile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReadResult:
-    """Demonstrations, the files they come from, and notes for the user."""
+    """Demonstrations, the files they come from, and what was noticed.
+
+    Attributes:
+        demonstrations: Without the samples that were lost.
+        sources: The files.
+        notes: Sentences for the user.
+        faults: Of the recordings, small ones and such as commands refuse.
+        chosen: Which demonstrations these are, counted from 0 over all files.
+    """
 
     demonstrations: DemonstrationSet
     sources: tuple[InputFile, ...]
     notes: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
+    chosen: tuple[int, ...] = ()
 
 
 def read_demonstrations(
@@ -107,16 +118,21 @@ def read_demonstrations(
             sources.append(InputFile(path, sha256, form.name))
     if topic is not None and all(source.importer != "bag" for source in sources):
         raise UsageError("topic: none of the files is a bag, and only bags have topics.")
-    selection = _selected(recordings, demos)
+    chosen = _chosen(len(recordings), demos)
+    selection = [recordings[index] for index in chosen]
     if arm is not None:
         selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
-    _require_short([found for _, found in prepared])
+    _require_short(prepared)
     space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
     demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
-    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, [f for _, f in prepared])
-    return ReadResult(demonstrations, tuple(sources), tuple(notes))
+    findings = [found for _, found in prepared]
+    notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, findings)
+    faults = tuple(
+        fault if fault.demo is None else replace(fault, demo=chosen[fault.demo]) for fault in judge(findings)
+    )
+    return ReadResult(demonstrations, tuple(sources), tuple(notes), faults, chosen)
 
 
 def _limits(paths: Sequence[Path]) -> Limits:
@@ -132,13 +148,13 @@ def _sha256(file: File) -> str:
     return hashlib.sha256(file.content).hexdigest()
 
 
-def _require_short(findings: Sequence[Findings]) -> None:
+def _require_short(prepared: Sequence[tuple[Demonstration, Findings]]) -> None:
     """Raise InputDataError if a recording lasts longer than a day: no motion does."""
-    longest = max(findings, key=lambda found: found.duration)
+    longest, found = max(prepared, key=lambda each: each[0].duration)
     if longest.duration > DAY:
         unit = next((u for u in ("ms", "us") if longest.duration < DAY / 100 * UNITS[u].per_base), "ns")
         raise InputDataError(
-            f"{longest.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
+            f"{found.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
             hint=f"Say their unit in the header or with --columns, as in t_{unit} or --columns t_{unit}=t.",
         )
 
@@ -200,16 +216,15 @@ def _as_asked(recording: Recording, file: File, units: str | None) -> Recording:
     )
 
 
-def _selected(recordings: list[Recording], demos: Sequence[int] | None) -> list[Recording]:
-    if demos is None:
-        return recordings
-    for index in demos:
-        if not 0 <= index < len(recordings):
+def _chosen(count: int, demos: Sequence[int] | None) -> tuple[int, ...]:
+    """Return which of ``count`` demonstrations are to be read."""
+    for index in demos or ():
+        if not 0 <= index < count:
             raise UsageError(
-                f"demonstration {index} does not exist; there are {len(recordings)}, counted from 0.",
+                f"demonstration {index} does not exist; there are {count}, counted from 0.",
                 hint="Choose others with --demos.",
             )
-    return [recordings[index] for index in dict.fromkeys(demos)]
+    return tuple(range(count) if demos is None else dict.fromkeys(demos))
 
 
 def _names(recordings: Sequence[Recording], most: int) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from typing import TypeAlias
@@ -20,6 +21,8 @@ from skillctl.errors import InputDataError, printable
 Block: TypeAlias = tuple[IntArray, FloatArray, list[tuple[str, ...]]]  # lines, numbers, texts
 
 ROWS = 8192  # lines that are parsed together: the text is never in memory as a whole
+
+POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")  # between thousands, where commas are decimal
 
 
 def recognises(file: File) -> bool:
@@ -72,7 +75,7 @@ def _plain(lines: list[str], layout: Layout) -> tuple[FloatArray, list[tuple[str
     text = "".join(lines)
     if text.isspace() or any(mark in text for mark in (*COMMENT, '"')):
         return None
-    if layout.commas == "decimal" and "." in text:
+    if layout.commas in ("decimal", "points") and "." in text:
         return None
     separator = None if layout.separator == " " else layout.separator
     width = len(layout.names)
@@ -95,8 +98,8 @@ def _plain(lines: list[str], layout: Layout) -> tuple[FloatArray, list[tuple[str
 
 def _plainly(text: str, layout: Layout) -> str:
     """Return numbers as Python writes them."""
-    if layout.commas == "decimal":
-        return (text.replace(".", "") if "," in text else text).replace(",", ".")
+    if layout.commas in ("decimal", "points"):
+        return (text.replace(".", "") if POINTS.fullmatch(text.strip()) else text).replace(",", ".")
     return text.replace(",", "") if layout.commas == "thousands" else text
 
 
@@ -224,8 +227,8 @@ def _require_coordinates(layout: Layout, found: FloatArray) -> None:
 
 def _notes(layout: Layout, count: int) -> tuple[str, ...]:
     notes = list(layout.clock.notes)
-    if layout.commas == "thousands":
-        notes.append("commas in numbers are read as separators between thousands.")
+    if marks := {"thousands": "commas", "points": "points"}.get(layout.commas):
+        notes.append(f"{marks} in numbers are read as separators between thousands.")
     if layout.demo is not None and count > 1 and layout.names[layout.demo].lower() != "demo":
         notes.append(f"the column '{printable(layout.names[layout.demo])}' tells demonstrations apart.")
     return tuple(notes)

@@ -33,6 +33,7 @@ class LeafDifference:
         priors: Largest difference over matched components.
         means: Largest distance over matched components, [unit].
         covariances, system_matrices, lyapunov: Largest relative difference ‖a − b‖ / ‖a‖ (Frobenius).
+        coordinates: Whether both have the same ones.
     """
 
     leaf: int
@@ -44,6 +45,7 @@ class LeafDifference:
     covariances: float
     system_matrices: float
     lyapunov: float
+    coordinates: bool
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ def _leaf_difference(number: int, a: SedsSkill, b: SedsSkill) -> LeafDifference:
         covariances=_relative(a.covariances[rows_a], b.covariances[rows_b]),
         system_matrices=_relative(a.component_matrices[rows_a], b.component_matrices[rows_b]),
         lyapunov=_relative(a.lyapunov[None], b.lyapunov[None]),
+        coordinates=a.coordinates == b.coordinates,
     )
 
 
@@ -148,7 +151,7 @@ def compare_behaviour(
     if a.space != b.space:
         return Behaviour(None, None, None, None, same=False)
     goals = (a.attractors, b.attractors)
-    means = [leaf.means for leaf in a.leaves]
+    means = [leaf.density.means for leaf in a.leaves]
     points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, *means])
     with np.errstate(all="ignore"):  # an unstable skill's motions may leave float64: then they differ
         grid = _field(a, b, _grid(points), atol, rtol)

@@ -1,51 +1,81 @@
-"""How many demonstrations of its parts a combined skill keeps, and priors with which it keeps more."""
+"""Which part of a combined skill acts at starts that were not taught, and priors that help the right one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, IntArray
+from skillctl.compose.regions import regions
 from skillctl.errors import UsageError
+from skillctl.evaluate.left_out import MOST_FOLDS
+from skillctl.learning.em import POSITION_FLOOR, expectation, position_moments
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import Skill, contraction_period
+from skillctl.model.skill import ActingSkill, Skill, contraction_period, extent
 
 DURATIONS = 10.0  # of the longest demonstration: enough for a motion to arrive
 STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 SWEEPS = 50  # over all parts; a handful is enough
 SMALLEST_LOG = -600.0  # of a prior relative to the largest: much smaller ones underflow to zero
 BEYOND = 1.0  # how far a log prior lies beyond the first or last border, where the interval is open
+SAME_TARGET = 0.02  # of the smallest part's extent: targets that are nearer to each other are not told apart
 
 
 @dataclass(frozen=True, slots=True)
 class PartCoverage:
-    """How many demonstrations of one of its parts a combined skill keeps.
+    """How many demonstrations of one of its parts a combined skill keeps, each left out of the part's region.
 
     Attributes:
         part: Counted from 1.
         demonstrations: Number of embedded demonstrations.
-        selected: Share whose start selects this part.
-        kept: Share whose start selects it and whose motion ends at its attractor.
+        selected: Share whose start selects this part; None of a part of one demonstration: without it nothing
+            is known of the region.
+        kept: Share whose start selects it and whose motion ends at its target; None likewise.
+        instead: The part that takes most of the others; None if there are none.
     """
 
     part: int
     demonstrations: int
-    selected: float
-    kept: float
+    selected: float | None
+    kept: float | None
+    instead: int | None
+
+    @property
+    def lost(self) -> int:
+        """How many of the demonstrations other parts take."""
+        return 0 if self.selected is None else round((1 - self.selected) * self.demonstrations)
+
+
+def with_regions(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> CombinedSkill:
+    """Return the skill with regions that are learned from its parts and what they were taught.
+
+    Without any demonstrations the position densities of the parts remain its regions.
+
+    Args:
+        skill: A combined skill.
+        demonstrations: One set per leaf of the skill, None where none is embedded.
+    """
+    taught = _taught(skill, demonstrations)
+    if not any(taught):
+        return skill
+    return replace(skill, regions=_regions([part.density for part in skill.parts], taught))
 
 
 def coverage(
     skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
 ) -> tuple[PartCoverage, ...]:
-    """Return, for each part with demonstrations, how many of them still start and end in it.
+    """Return, for each part with demonstrations, how many of them would start and end in it if left out.
 
     A demonstration is a motion relative to its own end point, so it is laid out from where the part's
-    attractor is now. Rollouts follow the skill's own gate.
+    attractor is now. Of more than ``MOST_FOLDS`` demonstrations, a ``MOST_FOLDS``-th is left out at a time.
+    Regions are learned again without it, motions are not: those follow the skill as it is, with its own gate.
 
     Args:
         skill: What ``combine`` returned.
@@ -54,39 +84,53 @@ def coverage(
     Raises:
         UsageError: Another number of sets than leaves.
     """
+    taught = _taught(skill, demonstrations)
     report = []
-    for index, taught in enumerate(_taught(skill, demonstrations)):
-        if taught is None:
+    for index, own in enumerate(taught):
+        if own is None:
             continue
-        selected = skill.part_at(taught.starts) == index
-        kept = selected & _ends_at(skill, index, taught.starts, taught.longest)
-        report.append(
-            PartCoverage(index + 1, len(taught.starts), float(np.mean(selected)), float(np.mean(kept)))
-        )
+        scores = _left_out_scores(skill, taught, index)
+        if scores is None:
+            report.append(PartCoverage(index + 1, len(own.paths), None, None, None))
+            continue
+        chosen = scores.argmax(axis=1)
+        selected = chosen == index
+        kept = selected & _ends_at(skill, index, own.starts, own.longest)
+        shares = float(np.mean(selected)), float(np.mean(kept))
+        report.append(PartCoverage(index + 1, len(own.paths), *shares, _most_frequent(chosen[~selected])))
     return tuple(report)
 
 
 def selected_shares(
     skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]
 ) -> tuple[tuple[int, float | None], ...]:
-    """Return, for each part, how many demonstrations it has and which share of their starts select it.
+    """Return, for each part, how many demonstrations it has and which share selects it when left out.
 
-    As ``coverage``, without following motions. The share is None for a part without demonstrations.
+    As ``coverage``, without following motions. The share is None for fewer than two demonstrations.
     """
-    return tuple(
-        (0, None)
-        if taught is None
-        else (len(taught.starts), float(np.mean(skill.part_at(taught.starts) == index)))
-        for index, taught in enumerate(_taught(skill, demonstrations))
-    )
+    taught = _taught(skill, demonstrations)
+    shares: list[tuple[int, float | None]] = []
+    for index, own in enumerate(taught):
+        scores = _left_out_scores(skill, taught, index)
+        share = None if scores is None else float(np.mean(scores.argmax(axis=1) == index))
+        shares.append((0 if own is None else len(own.paths), share))
+    return tuple(shares)
+
+
+def same_targets(skill: CombinedSkill) -> tuple[tuple[int, int, float], ...]:
+    """Return the pairs of parts whose attractors differ by less than ``SAME_TARGET``, and by how much.
+
+    Parts are counted from 1; parts of exactly one attractor are not named.
+    """
+    ends, tolerance = skill.part_attractors, _tolerance(skill)
+    gaps = [(i, j, float(np.linalg.norm(ends[i] - ends[j]))) for i, j in combinations(range(len(ends)), 2)]
+    return tuple((i + 1, j + 1, gap) for i, j, gap in gaps if 0 < gap <= tolerance)
 
 
 def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
-    """Return priors β with which more demonstrated starts of each part select that part.
+    """Return priors β with which more starts of each part select it, each left out of the part's region.
 
-    The search maximises the sum over the parts of the share of their starts that select them. It moves one
-    log β after the other to the middle of the interval in which the sum is largest, until no move increases
-    the sum: a global maximum for two parts, a local one for more.
+    The start of a part's only demonstration counts as it is.
 
     Args:
         skill: A combined skill; the search begins at its priors.
@@ -101,16 +145,31 @@ def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[Demonstrati
     References:
         Theory page, combine; the search is ours.
     """
-    groups = [
-        (index, skill.part_scores(taught.starts) - np.log(skill.part_priors))
-        for index, taught in enumerate(_taught(skill, demonstrations))
-        if taught is not None
-    ]
+    taught = _taught(skill, demonstrations)
+    groups = []
+    for index, own in enumerate(taught):
+        if own is not None:
+            scores = _left_out_scores(skill, taught, index)
+            scores = skill.part_scores(own.starts) if scores is None else scores
+            groups.append((index, scores - np.log(skill.part_priors)))
     if not groups:
         raise UsageError(
             "calibrate: the skills carry no demonstrations.", hint="Give --priors, or learn the skills again."
         )
-    logs = np.log(skill.part_priors)
+    return best_priors(groups, skill.part_priors)
+
+
+def best_priors(groups: Sequence[tuple[int, FloatArray]], priors: FloatArray) -> FloatArray:
+    """Return the priors that maximise the sum over the parts of the share of their starts that select them.
+
+    The search moves one log β after the other to the middle of the interval in which the sum is largest,
+    until no move increases it: a global maximum for two parts, a local one for more.
+
+    Args:
+        groups: The index of a part, and log rⱼ of every part j at each of its starts, shape (n, parts).
+        priors: Where the search begins, shape (parts,).
+    """
+    logs = np.log(priors)
     for _ in range(SWEEPS):
         before = logs.copy()
         for part in range(len(logs)):
@@ -160,15 +219,20 @@ def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Taught:
-    """The demonstrations of one part.
+    """The demonstrations of one part, laid out from where the part's attractor is now.
 
     Attributes:
-        starts: Where they begin, laid out from where the part's attractor is now. Shape (n, d).
+        paths: Shape (samples, d) each.
         longest: Duration of the longest, [s].
     """
 
-    starts: FloatArray
+    paths: tuple[FloatArray, ...]
     longest: float
+
+    @property
+    def starts(self) -> FloatArray:
+        """Where they begin. Shape (n, d)."""
+        return np.stack([path[0] for path in self.paths])
 
 
 def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> list[_Taught | None]:
@@ -178,16 +242,60 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
     remaining = iter(demonstrations)
     found: list[_Taught | None] = []
     for part in skill.parts:
-        sets = [next(remaining) for _ in part.leaves]
-        starts = demonstrated_starts(part, sets)
-        durations = [motion.duration for motions in sets for motion in motions or ()]
-        found.append(_Taught(starts, max(durations)) if durations else None)
+        motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
+        paths = tuple(part.attractor + (motion.positions - motion.positions[-1]) for motion in motions)
+        found.append(_Taught(paths, max(motion.duration for motion in motions)) if motions else None)
     return found
 
 
+def _regions(
+    densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
+) -> tuple[GaussianMixture, ...]:
+    return regions(densities, [None if motions is None else motions.starts for motions in taught])
+
+
+def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], index: int) -> FloatArray | None:
+    """Return log βⱼ + log rⱼ at the starts of a part's demonstrations, its own r learned without each.
+
+    Returns:
+        Shape (n, parts); None if the part has fewer than two demonstrations.
+    """
+    own, part = taught[index], skill.parts[index]
+    if own is None or len(own.paths) < 2:
+        return None
+    scores, numbers = skill.part_scores(own.starts), np.arange(len(own.paths))
+    densities, others = [other.density for other in skill.parts], list(taught)
+    folds = min(len(numbers), MOST_FOLDS)
+    for fold in range(folds):
+        left = numbers % folds == fold
+        rest = replace(own, paths=tuple(own.paths[i] for i in numbers[~left]))
+        densities[index], others[index] = _relearned(part, np.vstack(rest.paths)), rest
+        region = _regions(densities, others)[index] if skill.regions else densities[index]
+        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(own.starts[left])
+    return scores
+
+
+def _relearned(part: ActingSkill, positions: FloatArray) -> GaussianMixture:
+    """Return the position density of a part after one step of EM on other positions (n, d)."""
+    floor = POSITION_FLOOR * float(((positions - part.attractor) ** 2).sum(axis=1).mean())
+    shares = expectation(part.density.log_joint(positions).T)
+    return GaussianMixture(*position_moments(shares, positions, floor))
+
+
+def _most_frequent(parts: IntArray) -> int | None:
+    """Return the part, counted from 1, whose index occurs most often; None if there is none."""
+    return int(np.bincount(parts).argmax()) + 1 if parts.size else None
+
+
+def _tolerance(skill: CombinedSkill) -> float:
+    """Return how far apart targets have to be to be told apart, in the unit of the space."""
+    return SAME_TARGET * min(extent(part.density) for part in skill.parts)
+
+
 def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: float) -> npt.NDArray[np.bool_]:
-    """Return which motions are at the attractor of part ``index`` after ``DURATIONS`` demonstrations."""
+    """Return which motions arrive at the attractor of part ``index``, or at one that is not told from it."""
     period = float(np.clip(0.5 * contraction_period(skill), longest / STEPS[1], longest / STEPS[0]))
     result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
     distances = np.linalg.norm(result.positions[:, -1, None] - skill.part_attractors, axis=2)
-    return np.asarray(result.arrived & (distances[:, index] == distances.min(axis=1)))
+    near = distances[:, index] <= distances.min(axis=1) + _tolerance(skill)
+    return np.asarray(result.arrived & near)

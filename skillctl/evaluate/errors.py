@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from skillctl import metrics
+from skillctl.arrays import FloatArray
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
-from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import ActingSkill
 from skillctl.store import DemonstrationReport
 
 STEPS_PER_DEMONSTRATION = 1000  # Euler's path error is then well below a thousandth of the motion's length
@@ -20,22 +22,28 @@ PATIENCE = 10  # durations of the longest demonstration, after which a motion co
 
 
 def report_errors(
-    skill: SedsSkill, demonstrations: DemonstrationSet, leaf: int = 0
+    skill: ActingSkill, demonstrations: DemonstrationSet, leaf: int = 0, *, moved: FloatArray | None = None
 ) -> list[DemonstrationReport]:
     """Return how each demonstration differs from a rollout from its start and from the velocities along it.
 
     Args:
-        skill: What was learned.
+        skill: What was learned, or merged.
         demonstrations: What it was learned from, ending at its attractor.
         leaf: Which leaf of the whole skill tree ``skill`` is.
+        moved: By how much each was moved so that it ends there, (n, d): errors against the demonstrations as
+            they were recorded are reported, too.
     """
     longest = max(demonstration.duration for demonstration in demonstrations)
     starts = np.stack([demonstration.positions[0] for demonstration in demonstrations])
-    rollouts = rollout(skill, starts, duration=PATIENCE * longest, period=longest / STEPS_PER_DEMONSTRATION)
+    offsets = np.zeros_like(starts) if moved is None else moved
+    run = partial(rollout, skill, duration=PATIENCE * longest, period=longest / STEPS_PER_DEMONSTRATION)
+    rollouts = run(starts)
+    recorded = run(starts - offsets) if offsets.any() else rollouts
     reports = []
     for index, demonstration in enumerate(demonstrations):
         path = rollouts.trajectory(index)[1]
         distance = metrics.dtw(path, demonstration.positions)
+        as_recorded = metrics.dtw(recorded.trajectory(index)[1], demonstration.positions - offsets[index])
         velocities = skill.velocity(demonstration.positions)
         reports.append(
             DemonstrationReport(
@@ -47,6 +55,8 @@ def report_errors(
                 dtw=distance if np.isfinite(distance) else None,
                 end_error=metrics.end_error(path, skill.attractor),
                 arrived=bool(rollouts.arrived[index]),
+                moved=None if moved is None else float(np.linalg.norm(offsets[index])),
+                dtw_unmoved=None if moved is None or not np.isfinite(as_recorded) else as_recorded,
             )
         )
     return reports
@@ -56,6 +66,21 @@ def mean_dtw(reports: Sequence[DemonstrationReport]) -> float | None:
     """Return the mean of the DTW distances, or None if there are none, or one is missing."""
     distances = [report.dtw for report in reports if report.dtw is not None]
     return float(np.mean(distances)) if reports and len(distances) == len(reports) else None
+
+
+def strays(skill: ActingSkill, taught: Sequence[DemonstrationSet | None]) -> tuple[float, ...]:
+    """Return how far a merged skill stays from the demonstrations of each of its leaves that has any.
+
+    The mean DTW distance of its motions from their starts, in extents of the leaf's demonstrations; infinite
+    if a motion diverges.
+    """
+    found = []
+    for motions in taught:
+        if motions is not None:
+            ending = [motion.translated(skill.attractor - motion.positions[-1]) for motion in motions]
+            distance = mean_dtw(report_errors(skill, DemonstrationSet(tuple(ending), motions.space)))
+            found.append(np.inf if distance is None else distance / motions.extent)
+    return tuple(found)
 
 
 @dataclass(frozen=True)

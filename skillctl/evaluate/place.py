@@ -24,12 +24,12 @@ class Region:
 
     Attributes:
         part: Counted from 1.
-        prior: β; the part acts where its β p is largest.
+        prior: β; the part acts where its β r is largest.
         attractor: Where it ends.
         radius: Within this distance of the attractor the part provably acts alone; None if none was found, or
             if none is needed because there is a global proof.
         demonstrations: Number of embedded demonstrations.
-        selected: Share of their starts that lie in the region; None without demonstrations.
+        selected: Share of their starts that lie in it when they are left out; None of fewer than two.
     """
 
     part: int
@@ -47,7 +47,7 @@ class Place:
     Attributes:
         position: The place.
         part: Which part acts there, counted from 1; None where all act together.
-        weights: Each part's share: of the motion (merged), or β p of it over the sum of all (combined, where
+        weights: Each part's share: of the motion (merged), or β r of it over the sum of all (combined, where
             the largest acts alone). One for a learned skill.
         velocity: ξ̇ there, per second.
         arrives: Whether the motion from there was seen to arrive.

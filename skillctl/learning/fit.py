@@ -91,7 +91,7 @@ def fit(
     The same demonstrations and options give the same numbers, whatever the number of BLAS threads.
 
     Args:
-        demonstrations: At least one; each is translated to the mean end point, which becomes ξ*.
+        demonstrations: At least one; each is translated to the median of the ends, which becomes ξ*.
         options: See ``LearnOptions``.
         distance: Use this P and these coordinates instead of what ``options`` says.
         progress: Called with (stage, done, total) as learning proceeds.

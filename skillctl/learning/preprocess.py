@@ -27,7 +27,7 @@ class TrainingData:
         steps: Time between two samples of each demonstration, shape (D,), in units of ``time_scale``.
         length_scale: One unit of position, in the unit of the space.
         speed_scale: One unit of velocity, per second.
-        attractor: Mean end point, shape (d,), in the unit of the space.
+        attractor: Median of the end points, shape (d,), in the unit of the space.
         coordinates: c, on positions in these units. The mixture is learned of y = c(ξ); errors count in ξ.
     """
 
@@ -148,13 +148,15 @@ def _arrival(demonstration: Demonstration, last: int, limit: float) -> float:
 
 
 def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArray]:
-    """Repair and trim all demonstrations and translate each so that it ends at the mean end point.
+    """Repair and trim all demonstrations and translate each so that it ends at the median of the ends.
+
+    The median is taken of each coordinate: one demonstration that ends elsewhere hardly moves it.
 
     Returns:
         The aligned demonstrations and their common end point (d,), which becomes the attractor.
     """
     trimmed = [trim_rests(without_spikes(demonstration)) for demonstration in demonstrations]
-    attractor = np.mean([demonstration.positions[-1] for demonstration in trimmed], axis=0)
+    attractor = np.median([demonstration.positions[-1] for demonstration in trimmed], axis=0)
     aligned = tuple(d.translated(attractor - d.positions[-1]) for d in trimmed)
     return DemonstrationSet(aligned, demonstrations.space), attractor
 

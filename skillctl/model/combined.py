@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -14,15 +14,15 @@ from skillctl.arrays import FloatArray, Frozen, IntArray, frozen_array, require_
 from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.gated import StackedDensities
 from skillctl.model.gates import combine_gate
-from skillctl.model.mixture import GaussianMixture, softmax
-from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
+from skillctl.model.mixture import GaussianMixture, joined, softmax
+from skillctl.model.skill import ActingSkill, Composite, Kind, require_parts
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CombinedSkill(Frozen, Composite):
     """Several skills of which one alone acts at any time (Section 3.2).
 
-    Part i = argmax_j (log βⱼ + log pⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
+    Part i = argmax_j (log βⱼ + log rⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
     jumps by more than ``disturbance_distance`` from where the last command should have led (the
     ``Controller`` owns that memory). ``instantaneous``: chosen anew at every instant.
 
@@ -32,6 +32,7 @@ class CombinedSkill(Frozen, Composite):
         gate: One of ``model.gates.COMBINE_GATES``.
         disturbance_distance: In the unit of the space.
         speed: α > 0, a factor on all velocities.
+        regions: rᵢ, one mixture a part (``compose.regions``); empty: the position densities of the parts.
     """
 
     kind: ClassVar[Kind] = "combined"
@@ -42,6 +43,7 @@ class CombinedSkill(Frozen, Composite):
     gate: str = "latched"
     disturbance_distance: float = 0.02
     speed: float = 1.0
+    regions: tuple[GaussianMixture, ...] = ()
     _densities: StackedDensities = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -54,8 +56,9 @@ class CombinedSkill(Frozen, Composite):
         except UsageError as error:
             raise InvalidModelError(str(error)) from error
         require_positive("disturbance_distance", self.disturbance_distance)
-        densities = StackedDensities([part.density for part in self.parts], priors)
-        object.__setattr__(self, "_densities", densities)
+        if self.regions and [one.dimension for one in self.regions] != [self.dimension] * len(self.parts):
+            raise InvalidModelError(f"regions: expected one a part, of {self.dimension} dimensions.")
+        object.__setattr__(self, "_densities", StackedDensities(self.influences, priors))
 
     @property
     def shares(self) -> FloatArray:
@@ -78,6 +81,11 @@ class CombinedSkill(Frozen, Composite):
         return combine_gate(self.gate).reselects
 
     @property
+    def influences(self) -> tuple[GaussianMixture, ...]:
+        """The mixture of each part whose value, times the prior, decides which one acts."""
+        return self.regions or tuple(part.density for part in self.parts)
+
+    @property
     def part_attractors(self) -> FloatArray:
         """The attractor of each part. Shape (number of parts, d)."""
         return np.stack([part.attractor for part in self.parts])
@@ -97,10 +105,10 @@ class CombinedSkill(Frozen, Composite):
     @property
     def density(self) -> GaussianMixture:
         """Position density of all that the parts were taught."""
-        return joined_density(self.parts, self.part_priors)
+        return joined([part.density for part in self.parts], self.part_priors)
 
     def part_scores(self, positions: npt.ArrayLike) -> FloatArray:
-        """Return log βᵢ + log pᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
+        """Return log βᵢ + log rᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
         return self._densities.scores(self.space.states(positions)).T
 
     def part_at(self, states: npt.ArrayLike) -> IntArray:
@@ -108,8 +116,16 @@ class CombinedSkill(Frozen, Composite):
         return np.asarray(np.argmax(self.part_scores(states), axis=1), dtype=np.int64)
 
     def part_weights_at(self, states: FloatArray) -> FloatArray:
-        """Return βᵢ pᵢ / Σⱼ βⱼ pⱼ at states (n, d): the largest part acts alone. Shape (n, parts)."""
+        """Return βᵢ rᵢ / Σⱼ βⱼ rⱼ at states (n, d): the largest part acts alone. Shape (n, parts)."""
         return softmax(self.part_scores(states).T).T
+
+    def translated(self, offset: FloatArray) -> CombinedSkill:
+        """Return the same motions, moved by ``offset`` (d,): all attractors and regions move together."""
+        return replace(
+            self,
+            parts=tuple(part.translated(offset) for part in self.parts),
+            regions=tuple(region.translated(offset) for region in self.regions),
+        )
 
     def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
         """Return ξ̇ for one state (d,), which is not checked; ``part`` acts, else that of its region."""

@@ -72,6 +72,10 @@ def _experts(h: Any, owners: Any, weights: Any, shares: Any, parameters: Any) ->
     return powers / powers.sum(axis=-1, keepdims=True)
 
 
+# With 1 this gate is superposition. On seven pairs of LASA motions 4 gives the stronger part two thirds of
+# the motion along the demonstrations instead of a half, 22 % of their extent off (19 with 1, 23 with 16).
+SHARPNESS = 4.0
+
 MERGE_GATES = (
     MergeGate("superposition", "all act everywhere", _superposition),  # Eq. 7 and 8
     MergeGate("density", "each mostly where it was taught", _density),  # Eq. 8 read as densities
@@ -79,7 +83,7 @@ MERGE_GATES = (
         "experts",
         "the strongest Gaussian of a place counts most",
         _experts,
-        (GateParameter("sharpness", 1.0, 1.0, "How sharply the strongest Gaussian is preferred"),),
+        (GateParameter("sharpness", SHARPNESS, 1.0, "How sharply the strongest Gaussian is preferred"),),
     ),
 )
 COMBINE_GATES = (

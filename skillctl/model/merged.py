@@ -17,8 +17,8 @@ from skillctl.model.coordinates.chain import Chain
 from skillctl.model.gated import StackedDensities, StackedGates
 from skillctl.model.gates import Weighting, gate_parameters, merge_gate
 from skillctl.model.lyapunov import QuadraticForm
-from skillctl.model.mixture import BLOCK, GaussianMixture, softmax
-from skillctl.model.skill import ActingSkill, Composite, Kind, joined_density, require_parts
+from skillctl.model.mixture import BLOCK, GaussianMixture, joined, softmax
+from skillctl.model.skill import ActingSkill, Composite, Kind, require_parts
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,13 +73,13 @@ class MergedSkill(Frozen, Composite, ActingSkill):
                 raise InvalidModelError("parts: must share one attractor and one Lyapunov matrix.")
             if part.coordinates != first.coordinates:
                 raise InvalidModelError("parts: must share their coordinates.")
-        object.__setattr__(self, "density", joined_density(self.parts, weights))
+        densities = [part.density for part in self.parts]
+        object.__setattr__(self, "density", joined(densities, weights))
         object.__setattr__(self, "_gates", StackedGates([leaf.gated for leaf in self.leaves]))
         object.__setattr__(self, "_matrices", self.component_matrices.reshape(-1, self.dimension**2))
         counts = [part.n_components for part in self.parts]
         object.__setattr__(self, "_owners", np.repeat(np.arange(len(counts)), counts))
-        densities = StackedDensities([part.density for part in self.parts], weights)
-        object.__setattr__(self, "_densities", densities)
+        object.__setattr__(self, "_densities", StackedDensities(densities, weights))
 
     @property
     def shares(self) -> FloatArray:

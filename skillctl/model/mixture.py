@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -142,3 +143,13 @@ class GaussianMixture(Frozen):
     def translated(self, offset: FloatArray) -> GaussianMixture:
         """Return the mixture moved by ``offset`` (d,)."""
         return GaussianMixture(self.priors, self.means + offset, self.covariances)
+
+
+def joined(mixtures: Sequence[GaussianMixture], weights: FloatArray) -> GaussianMixture:
+    """Return the mixture of mixtures with weights (number of mixtures,), positive up to a common factor."""
+    priors = np.concatenate([w * mixture.priors for w, mixture in zip(weights, mixtures, strict=True)])
+    return GaussianMixture(
+        priors / priors.sum(),
+        np.concatenate([mixture.means for mixture in mixtures]),
+        np.concatenate([mixture.covariances for mixture in mixtures]),
+    )

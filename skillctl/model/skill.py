@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
 
@@ -36,6 +36,7 @@ class Skill(ABC):
         parameters: Of the gate, by name.
         speed: α > 0, a factor on all velocities.
         density: Position density of all that the skill was taught.
+        influences: A mixture for each acting part: the one of the largest value, times its share, acts.
         acting_parts: The parts of which one acts at a time; the skill itself unless it is combined.
         outer_speed: Factor on the velocity of each acting part.
         reselects: Whether the acting part is chosen at every instant.
@@ -65,6 +66,8 @@ class Skill(ABC):
         def speed(self) -> float: ...  # noqa: D102
         @property
         def density(self) -> GaussianMixture: ...  # noqa: D102
+        @property
+        def influences(self) -> tuple[GaussianMixture, ...]: ...  # noqa: D102
         @property
         def acting_parts(self) -> tuple[ActingSkill, ...]: ...  # noqa: D102
         @property
@@ -215,6 +218,11 @@ class ActingSkill(Skill):
         return (self,)
 
     @property
+    def influences(self) -> tuple[GaussianMixture, ...]:
+        """Its own position density: nothing else is to be chosen."""
+        return (self.density,)
+
+    @property
     def outer_speed(self) -> float:
         """One: the skill's own speed is in ``component_matrices``."""
         return 1.0
@@ -260,6 +268,22 @@ class ActingSkill(Skill):
         if not self.coordinates.links:
             return states
         return self.coordinates.forward(states - self.attractor) + self.attractor
+
+    def component_velocities(self, states: FloatArray) -> FloatArray:
+        """Return what each component adds to ξ̇ at states (n, d): h̃ₖ Aₖ, led back. Shape (n, K, d)."""
+        y, pull = self.coordinates.tangent(states - self.attractor)
+        shares = np.einsum("nk,kij,nj->kni", self.responsibilities(states), self.component_matrices, y)
+        return np.stack([pull(each) for each in shares], axis=1)
+
+    def decay(self, states: FloatArray) -> FloatArray:
+        """Return −V̇ / (2 V) at states (n, d), shape (n,), [1/s]: how fast √V shrinks there.
+
+        Zero exactly where V̇ is, negative where V grows, and no number at the attractor.
+        """
+        y = self.lifted(states)
+        pulled = (y - self.attractor) @ self.lyapunov
+        along = (pulled * self._moved(y, states)).sum(axis=1)
+        return np.asarray(-along / (pulled * (y - self.attractor)).sum(axis=1))
 
     @abstractmethod
     def accelerated(self: AnyActing, factor: float) -> AnyActing:
@@ -323,16 +347,6 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike) -> AnySkill:
         )
     # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
     return skill.translated(goal - attractors[0]).with_leaves(lambda leaf: replace(leaf, attractor=goal))
-
-
-def joined_density(parts: Sequence[Skill], weights: FloatArray) -> GaussianMixture:
-    """Return the mixture of the parts' position densities with weights (number of parts,)."""
-    priors = np.concatenate([w * part.density.priors for w, part in zip(weights, parts, strict=True)])
-    return GaussianMixture(
-        priors / priors.sum(),
-        np.concatenate([part.density.means for part in parts]),
-        np.concatenate([part.density.covariances for part in parts]),
-    )
 
 
 def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:

@@ -21,7 +21,12 @@ ACROSS = 4
 HEADROOM = 2.5  # of the fastest demonstration; a faster motion is cut off and its peak given as a number
 
 
-def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Sequence[Motion] = ()) -> Figure:
+def draw_fit(
+    portrait: Portrait,
+    errors: Sequence[float | None],
+    left_out: Sequence[Motion] = (),
+    moved: Sequence[float | None] = (),
+) -> Figure:
     """Return the figure of a fit.
 
     Args:
@@ -29,6 +34,8 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
         errors: Mean DTW distance to each of its demonstrations, in the unit of the space; None if unknown.
         left_out: For each demonstration, the motion from its start of a skill that was learned without it;
             empty if there are none.
+        moved: How far each demonstration was moved to end at the target, in the unit of the space; empty if
+            unknown.
     """
     profiled = portrait.demonstrations[:MOST_PROFILES]
     dimension = portrait.skill.dimension
@@ -49,9 +56,8 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
         for index, (axes, demonstration) in enumerate(zip(profiles, profiled, strict=True)):
             held = left_out[index] if left_out else None
             _draw_profile(axes, demonstration, portrait.motions[index], held, portrait.scale, top)
-            axes.set_title(
-                f"{style.named(demonstration.source, 28)}\n{_error(errors[index], portrait)}", fontsize=7.5
-            )
+            error = _error(errors[index], moved[index] if moved else None, portrait)
+            axes.set_title(f"{style.named(demonstration.source, 28)}\n{error}", fontsize=7.5)
         _label_outer(profiles, portrait, top)
         count = len(portrait.demonstrations)
         some = f", speeds of the first {len(profiled)} of {count}" if count > len(profiled) else ""
@@ -62,11 +68,13 @@ def draw_fit(portrait: Portrait, errors: Sequence[float | None], left_out: Seque
     return figure
 
 
-def _error(distance: float | None, portrait: Portrait) -> str:
-    if distance is None:
-        return "DTW –"
+def _error(distance: float | None, moved: float | None, portrait: Portrait) -> str:
     unit = portrait.skill.space.unit
-    return f"DTW {1e3 * distance:.2f} mm" if unit == "m" else f"DTW {distance:.3g} {unit}"
+    dtw, aside = (
+        "–" if value is None else f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.3g} {unit}"
+        for value in (distance, moved)
+    )
+    return f"DTW {dtw}, moved {aside}" if moved else f"DTW {dtw}"
 
 
 def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:

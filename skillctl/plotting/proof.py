@@ -52,18 +52,15 @@ class Bounds:
 def decay(skill: Skill, positions: FloatArray) -> FloatArray:
     r"""Return −V̇ / (2 V) at positions (n, d), shape (n,), [1/s]: the rate at which √V shrinks there.
 
-    V = (ξ − ξ*)ᵀ P (ξ − ξ*) with P and ξ* of the part that a start there selects. The rate is zero exactly
+    V is that of the part that a start there selects. The rate is zero exactly
     where V̇ is, negative where V grows, and NaN at the attractor.
     """
     rates = np.empty(len(positions))
     acting = skill.part_at(positions)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        velocities = skill.velocity(positions)
         for index, part in enumerate(skill.acting_parts):
             mask = acting == index
-            offsets = positions[mask] - part.attractor
-            pulled = offsets @ part.lyapunov
-            rates[mask] = -(pulled * velocities[mask]).sum(axis=1) / (pulled * offsets).sum(axis=1)
+            rates[mask] = skill.outer_speed * part.decay(positions[mask])
     rates[~np.isfinite(rates)] = np.nan
     return rates
 

@@ -47,7 +47,8 @@ def robot(path: str) -> tuple[list[str], list[str]]:
     states = bullet.getJointStates(body, moving, physicsClientId=client) if moving else []
     if not all(math.isfinite(value) for state in states for value in state[:2]):
         raise InputDataError("has masses or inertias with which it cannot move")
-    return tuple([info[place].decode(errors="replace") for info in infos] for place in (1, 12))  # type: ignore[return-value]
+    joints, links = ([info[place].decode(errors="replace") for info in infos] for place in (1, 12))
+    return joints, links
 
 
 def mesh(path: str) -> None:

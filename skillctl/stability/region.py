@@ -24,7 +24,7 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     """Return a radius around part ``index``'s attractor from within which every motion ends there.
 
     On the ball ‖ξ − ξ*‖_P ≤ ρ each Gaussian's Mahalanobis distance lies within √m ± ρ √s, where √m is
-    its distance at ξ* and s = λ_max(Σ⁻¹, P). That bounds βᵢ pᵢ from below and every other βⱼ pⱼ from
+    its distance at ξ* and s = λ_max(Σ⁻¹, P). That bounds βᵢ rᵢ from below and every other βⱼ rⱼ from
     above. Where the first is larger, part i alone acts; it shrinks the P-norm, so the motion stays in the
     ball and converges. In coordinates other than plain ones the ball is Euclidean, and the motion stays in
     a {√V ≤ σ} inside it. Valid only for a part that is itself proved. What it does not show: that motions
@@ -42,8 +42,8 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     norm = np.eye(skill.dimension) if bent else part.lyapunov
     try:
         bounds = [
-            DensityBounds.of(other.density, prior, part.attractor, norm)
-            for other, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
+            DensityBounds.of(influence, prior, part.attractor, norm)
+            for influence, prior in zip(skill.influences, skill.shares.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
         return None
@@ -75,7 +75,7 @@ def _within(sublevels: Sublevels, attractor: FloatArray, radius: float) -> float
 def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[int, ...]:
     """Return the indices of the parts that may be selected somewhere in the box between two corners (d,).
 
-    All others provably are not: on the ball around the box their largest βᵢ pᵢ is below another's smallest.
+    All others provably are not: on the ball around the box their largest βᵢ rᵢ is below another's smallest.
     """
     everyone = tuple(range(len(skill.acting_parts)))
     if len(everyone) == 1:
@@ -83,8 +83,8 @@ def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[i
     centre, radius = 0.5 * (low + high), 0.5 * (1 + GUARD) * float(np.linalg.norm(high - low))
     try:
         bounds = [
-            DensityBounds.of(part.density, prior, centre, np.eye(len(low)))
-            for part, prior in zip(skill.acting_parts, skill.shares.tolist(), strict=True)
+            DensityBounds.of(influence, prior, centre, np.eye(len(low)))
+            for influence, prior in zip(skill.influences, skill.shares.tolist(), strict=True)
         ]
     except (ArithmeticError, np.linalg.LinAlgError):  # a covariance singular, or numbers beyond float64
         return everyone
@@ -94,7 +94,7 @@ def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[i
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DensityBounds:
-    """Bounds of log β p(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
+    """Bounds of log β r(ξ) on balls ‖ξ − ξ*‖_P ≤ ρ, from three numbers per Gaussian.
 
     Attributes:
         peaks: log β πₖ − ½ log det 2πΣₖ.
@@ -110,7 +110,7 @@ class DensityBounds:
     def of(
         cls, density: GaussianMixture, prior: float, centre: FloatArray, lyapunov: FloatArray
     ) -> DensityBounds:
-        """Return the bounds of log β p around ``centre`` (d,), for balls of P (d, d); β is ``prior``."""
+        """Return the bounds of log β r around ``centre`` (d,), for balls of P (d, d); β is ``prior``."""
         rows = [
             (*_determinant_and_distance(mean, covariance, centre), _slope(covariance, lyapunov))
             for mean, covariance in zip(density.means, density.covariances, strict=True)
@@ -120,12 +120,12 @@ class DensityBounds:
         return cls(np.log(density.priors) - 0.5 * log_determinants + offset, distances, slopes)
 
     def lowest(self, rho: float) -> float:
-        """Return a value that log β p nowhere falls below on the ball of radius ρ."""
+        """Return a value that log β r nowhere falls below on the ball of radius ρ."""
         value, guard = self._log_sum(self.distances + rho * self.slopes)
         return value - guard
 
     def highest(self, rho: float) -> float:
-        """Return a value that log β p nowhere exceeds on the ball of radius ρ."""
+        """Return a value that log β r nowhere exceeds on the ball of radius ρ."""
         value, guard = self._log_sum(np.maximum(self.distances - rho * self.slopes, 0.0))
         return value + guard
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
 from skillctl.model.joint import joint_mixture
 from skillctl.model.seds import SedsSkill
 from skillctl.store.artifact import Artifact, contents_of, metadata_of
@@ -52,6 +53,11 @@ def seds_variables(skill: SedsSkill) -> dict[str, FloatArray]:
 
 
 def _mat(artifact: Artifact, leaf: SedsSkill) -> tuple[tuple[str, ...], bytes]:
+    if leaf.coordinates.links:
+        raise UsageError(
+            "a .mat file holds a mixture that moves the state itself; this skill has learned coordinates.",
+            hint="Write .json or .npz, or learn it again with --coordinates identity.",
+        )
     from scipy.io import savemat  # late: half a second that only this format needs
 
     file, variables = BytesIO(), seds_variables(leaf)

@@ -35,8 +35,8 @@ class ArraySpec:
 
 
 # B bytes of metadata; K components, M density components and L leaves of the skill tree, stacked from left
-# to right; d dimensions; D demonstrations with N samples altogether; S learned shears of J bumps each.
-# Lengths of one name are equal.
+# to right; d dimensions; D demonstrations with N samples altogether; S learned shears of J bumps each;
+# R components of the regions of all parts. Lengths of one name are equal.
 ARRAYS: dict[str, ArraySpec] = {
     META: ArraySpec("<u1", ("B",)),
     "model/priors": ArraySpec("<f8", ("K",)),
@@ -59,9 +59,14 @@ ARRAYS: dict[str, ArraySpec] = {
     "coordinates/spacings": ArraySpec("<f8", ("S",), since=2),
     "coordinates/coefficients": ArraySpec("<f8", ("S", "J", "d"), since=2),
     "coordinates/leaf": ArraySpec("<i8", ("S",), since=2),
+    "regions/priors": ArraySpec("<f8", ("R",), since=2),
+    "regions/means": ArraySpec("<f8", ("R", "d"), since=2),
+    "regions/covariances": ArraySpec("<f8", ("R", "d", "d"), since=2),
+    "regions/part": ArraySpec("<i8", ("R",), since=2),
 }
-# Each is present as a whole, or absent: no leaf keeps demonstrations; all leaves move in the measured state.
-OPTIONAL_GROUPS = {"demonstrations", "coordinates"}
+# Each is present as a whole, or absent: no leaf keeps demonstrations; all leaves move in the measured state;
+# position densities decide which part acts.
+OPTIONAL_GROUPS = {"demonstrations", "coordinates", "regions"}
 
 MAX_LENGTHS = {
     "B": 1 << 16,
@@ -74,6 +79,7 @@ MAX_LENGTHS = {
     "N": 1 << 22,
     "S": 4096,
     "J": 64,
+    "R": 1 << 14,
 }
 
 

@@ -250,6 +250,8 @@ class DemonstrationReport(Strict):
         dtw: Mean distance after dynamic time warping of its rollout, [unit].
         end_error: Distance of the rollout's end from the attractor, [unit].
         arrived: Whether the rollout reached the attractor.
+        moved: How far it was moved before it was learned, so that it ends at the target, [unit].
+        dtw_unmoved: As ``dtw``, with the demonstration as it was recorded, and a rollout from its start.
     """
 
     source: Label
@@ -260,6 +262,8 @@ class DemonstrationReport(Strict):
     dtw: NotNegative | None = None
     end_error: NotNegative | None = None
     arrived: bool | None = None
+    moved: NotNegative | None = None
+    dtw_unmoved: NotNegative | None = None
 
 
 class InputRecord(Strict):

@@ -38,7 +38,42 @@ def model_arrays(skill: Skill) -> dict[str, FloatArray]:
         arrays[f"model/density_{name}"] = np.concatenate([getattr(leaf.density, name) for leaf in leaves])
     arrays["model/attractors"] = np.stack([leaf.attractor for leaf in leaves])
     arrays["model/lyapunov"] = np.stack([leaf.lyapunov for leaf in leaves])
-    return {**arrays, **_coordinate_arrays(leaves)}
+    return {**arrays, **_coordinate_arrays(leaves), **_region_arrays(skill)}
+
+
+def _region_arrays(skill: Skill) -> dict[str, Array]:
+    """Return the regions of all parts, stacked; nothing where position densities are the regions."""
+    if not isinstance(skill, CombinedSkill) or not skill.regions:
+        return {}
+    sizes = [region.n_components for region in skill.regions]
+    return {
+        **{
+            f"regions/{name}": np.concatenate([getattr(region, name) for region in skill.regions])
+            for name in DENSITY_ARRAYS
+        },
+        "regions/part": np.repeat(np.arange(len(sizes)), sizes),
+    }
+
+
+def _regions(arrays: Mapping[str, Array], n_parts: int) -> tuple[GaussianMixture, ...]:
+    """Return the region of each part; none if there are none.
+
+    Raises:
+        Refusal: They are not those of all parts, in order.
+        InvalidModelError: The numbers do not form mixtures.
+    """
+    if "regions/part" not in arrays:
+        return ()
+    owners = arrays["regions/part"]
+    if (owners[1:] < owners[:-1]).any() or np.unique(owners).tolist() != list(range(n_parts)):
+        raise Refusal(f"/regions/part: must be all numbers below {n_parts}, in order")
+    try:
+        return tuple(
+            GaussianMixture(*(arrays[f"regions/{name}"][owners == part] for name in DENSITY_ARRAYS))
+            for part in range(n_parts)
+        )
+    except InvalidModelError as error:
+        raise InvalidModelError(f"regions: {error}") from error
 
 
 def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
@@ -154,6 +189,8 @@ def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skil
         InvalidModelError: The numbers do not form a skill.
     """
     _require_tiling(node, arrays)
+    if "regions/part" in arrays and not isinstance(node, CombinedNode):
+        raise Refusal(f"/regions: a skill of kind {node.kind} has none")
     return _skill(node, arrays, space)
 
 
@@ -198,7 +235,8 @@ def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
     if isinstance(node, ChainNode):
         raise Refusal(f"/meta.json: skill: cannot be of kind {node.kind}")
     priors = np.array(node.part_priors)
-    return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed)
+    regions = _regions(arrays, len(parts))
+    return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed, regions)
 
 
 def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) -> SedsSkill:

@@ -81,6 +81,8 @@ def require_room_for_records(
             dtw=_FEW_DIGITS,
             end_error=_FEW_DIGITS,
             arrived=True,
+            moved=_FEW_DIGITS,
+            dtw_unmoved=_FEW_DIGITS,
         ).model_dump(mode="json")
         for demonstration in demonstrations
     ]

@@ -10,7 +10,13 @@ from typing import Any, cast
 from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.options import CombineOptions
 from skillctl.errors import FitError, UsageError
-from skillctl.evaluate.coverage import PartCoverage, calibrated_priors, coverage
+from skillctl.evaluate.coverage import (
+    PartCoverage,
+    calibrated_priors,
+    coverage,
+    same_targets,
+    with_regions,
+)
 from skillctl.model.combined import CombinedSkill
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
@@ -41,7 +47,7 @@ class CombineReport(MakeReport):
         gate, aligned: How the acting part is chosen, and whether all parts end at one place.
         attractors, unit: Where the parts end, one row a part.
         disturbance_distance: A jump of the state by more than this selects again (latched), in that unit.
-        coverage: Of each part, how many of its demonstrations still start and end in it.
+        coverage: Of each part, how many of its demonstrations start and end in it when they are left out.
         coverage_before: The same before priors were calibrated; None if they were not calibrated now.
         lyapunov: Origin of the common Lyapunov matrix; None if the proof needs no common one.
         refits: Leaves learned again, if any.
@@ -118,7 +124,7 @@ def combine(
         combined, together = _combined(sources, options, refit, progress)
         combined, coverage, before = _covered(combined, sources, options)
         certificate = _require_guarantee(combined, certify(combined))
-        results: dict[str, Any] = {"kept": tuple(part.kept for part in coverage)}
+        results: dict[str, Any] = {"kept": tuple(part.kept for part in coverage if part.kept is not None)}
         results |= {} if together is None else together.results
         reports = carried_reports(sources) if together is None else together.reports
         done = operation.model_copy(update={"results": results})
@@ -146,8 +152,9 @@ def _combined(
 def _covered(
     combined: CombinedSkill, sources: Sequence[Source], options: CombineOptions
 ) -> tuple[CombinedSkill, tuple[PartCoverage, ...], tuple[PartCoverage, ...] | None]:
-    """Return the skill, with calibrated priors if asked for, and its coverage after and before that."""
+    """Return the skill with regions, its priors calibrated if asked for; coverage after and before that."""
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    combined = with_regions(combined, taught)
     measured = coverage(combined, taught)
     if not options.calibrate:
         return combined, measured, None
@@ -178,7 +185,7 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
     priors = iter(combined.part_priors.tolist())
     # The prior of a combined parent is that of all its parts together.
     shares = [sum(next(priors) for _ in source.skill.acting_parts) for source in sources]
-    notes = together.notes if together else ()
+    notes = (*(together.notes if together else ()), *_nearly_one_target(combined))
     return CombineReport(
         **write_child(request, made, "combined", sources, shares, notes),
         gate=combined.gate,
@@ -191,3 +198,12 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
         lyapunov=cast("LyapunovOrigin | None", artifact.operation.results.get("lyapunov")),
         refits=together.refits if together else (),
     )
+
+
+def _nearly_one_target(combined: CombinedSkill) -> list[str]:
+    """Return a sentence for each pair of parts whose targets one would not tell apart."""
+    unit = combined.space.unit
+    return [
+        f"the targets of parts {first} and {second} are only {gap:.2g} {unit} apart; --align makes them one."
+        for first, second, gap in same_targets(combined)
+    ]

@@ -52,7 +52,8 @@ def export(
         lock: Allow only skills that it names.
 
     Raises:
-        UsageError: Another ending, or several leaves where one is needed.
+        UsageError: Another ending, several leaves where one is needed, or a leaf in learned coordinates for
+            ``.mat``, which has no place for them.
         NotFoundError, ArtifactError: The reference leads to no intact skill.
         StoreError: The file cannot be written.
     """

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
+from skillctl.model.coordinates.shears import Shears
 from skillctl.model.joint import JointMixture, joint_mixture
 from skillctl.model.skill import Kind, Skill
 from skillctl.stability.certificate import certify
@@ -26,7 +27,8 @@ class Leaf:
         n_components: K.
         speed: Its own factor on all velocities, already in the mixture.
         attractor, lyapunov, system_matrices: ξ* (d,), P (d, d), Aₖ (K, d, d) [1/s].
-        joint_mixture: The same as a mixture over positions and velocities.
+        joint_mixture: The same as a mixture over positions and velocities, in its coordinates.
+        shears: How many shears its coordinates have; none if it moves the state itself.
         demonstrations: Number of embedded demonstrations.
     """
 
@@ -38,6 +40,7 @@ class Leaf:
     lyapunov: FloatArray
     system_matrices: FloatArray
     joint_mixture: JointMixture
+    shears: int
     demonstrations: int
 
 
@@ -178,6 +181,7 @@ def _leaves(artifact: Artifact) -> tuple[Leaf, ...]:
             lyapunov=leaf.lyapunov,
             system_matrices=leaf.system_matrices,
             joint_mixture=joint_mixture(leaf),
+            shears=sum(len(link.directions) for link in leaf.coordinates.links if isinstance(link, Shears)),
             demonstrations=0 if taught is None else len(taught),
         )
         for number, ((part, leaf), taught) in enumerate(

@@ -8,9 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
+import numpy as np
+
+from skillctl.demonstrations.faults import told
 from skillctl.demonstrations.options import Reading
 from skillctl.demonstrations.reader import ReadResult
-from skillctl.evaluate.errors import HeldOut, report_errors
+from skillctl.evaluate.errors import HeldOut, mean_dtw, report_errors
 from skillctl.evaluate.left_out import LeftOut, held_out, leave_out_in_turn
 from skillctl.learning.fit import Fit, fit
 from skillctl.learning.options import LearnOptions
@@ -31,6 +34,7 @@ from skillctl.usecases.make import Made, MakeReport, Request, make, require_stab
 from skillctl.usecases.options import Robot
 from skillctl.usecases.recorded_arm import read_of
 
+INACCURATE = 0.04  # of the extent: a larger mean DTW distance is a warning
 LEARN_AGAIN = "Try --preset quality, another --seed, or fewer --components."
 
 
@@ -156,8 +160,12 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         fitted = fit(read.demonstrations, options, progress=progress)
         certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
         left_out = _left_out(read, request, progress)
-        done = operation.model_copy(update={"results": _results(fitted, left_out)})
-        reports = tuple(report_errors(fitted.skill, fitted.demonstrations))
+        ends = np.stack([demonstration.positions[-1] for demonstration in read.demonstrations])
+        moved = fitted.skill.attractor - ends
+        reports = tuple(report_errors(fitted.skill, fitted.demonstrations, moved=moved))
+        warnings = (*told(read.faults), *_inaccuracy(fitted, reports))
+        results = {**_results(fitted, left_out), "warnings": warnings}
+        done = operation.model_copy(update={"results": results})
         artifact = Artifact(fitted.skill, (fitted.demonstrations,), done, provenance, reports)
         return artifact, certificate, Details((*read.notes, *fitted.warnings), left_out)
 
@@ -167,6 +175,16 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         left_out = _left_out(read_again(), request, progress)
         return replace(made, details=Details(left_out=left_out))
     return made
+
+
+def _inaccuracy(fitted: Fit, reports: Sequence[DemonstrationReport]) -> tuple[str, ...]:
+    """Return the warning about a skill that does not do what was shown."""
+    distance, space = mean_dtw(reports), fitted.skill.space
+    share = np.inf if distance is None else distance / fitted.demonstrations.extent
+    if share <= INACCURATE:
+        return ()
+    off = "some diverge" if distance is None else f"{distance:.2g} {space.unit} off on average"
+    return (f"the motions do not follow the demonstrations: {off}, {share:.0%} of the extent.",)
 
 
 def _left_out(read: ReadResult, request: LearnRequest, progress: Progress | None) -> tuple[LeftOut, ...]:

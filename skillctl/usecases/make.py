@@ -45,6 +45,7 @@ class MakeReport:
         written: How to name the skill, where it is, what it is.
         certificate: What is proved of it, derived now.
         notes: Sentences for the user.
+        warnings: Sentences on what is wrong with what it was made from; they are kept with it.
         reasons: Why it was made, in words; empty if it was up to date.
     """
 
@@ -52,6 +53,7 @@ class MakeReport:
     written: Written
     certificate: Certificate
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
 
     @property
@@ -112,6 +114,7 @@ class Made(Generic[Details]):
             "status": "up to date" if self.current else status,
             "written": written,
             "certificate": replace(self.certificate, digest=written.digest),
+            "warnings": self.artifact.operation.results.get("warnings", ()),
             "reasons": self.reasons,
         }
 

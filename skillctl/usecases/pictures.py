@@ -171,4 +171,5 @@ def _fit_figure(name: str, artifact: Artifact, left_out: Sequence[LeftOut]) -> D
         for each, demonstration in zip(left_out, portrait.demonstrations, strict=bool(left_out))
     ]
     errors = [report.dtw for report in artifact.reports]
-    return draw_fit(portrait, errors or [None] * len(portrait.demonstrations), held)
+    moved = [report.moved for report in artifact.reports]
+    return draw_fit(portrait, errors or [None] * len(portrait.demonstrations), held, moved)

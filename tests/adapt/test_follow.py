@@ -10,12 +10,13 @@ import pytest
 from skillctl.adapt import follow as module
 from skillctl.adapt import task as task_module
 from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, scaled_components, slowed
-from skillctl.adapt.task import fit_to_task, task_distances
+from skillctl.adapt.task import fit_to_task, task_distances, timed
 from skillctl.adapt.weights import WeightedMerger
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.rollout import rollout
+from skillctl.model.skill import contraction_period
 from skillctl.model.space import Euclidean
 from skillctl.stability.certificate import certify
 
@@ -75,6 +76,22 @@ def test_a_path_is_followed_at_the_speed_it_was_shown(parts):
     skills = [follow(parts, motions_of(truth, hurry=h), np.ones(3), level="part").skill for h in (1, 2)]
     assert skills[1].speed == pytest.approx(2 * skills[0].speed, rel=0.02)
     assert skills[1].part_weights == pytest.approx(skills[0].part_weights, abs=0.02)
+
+
+@pytest.mark.parametrize("speed", [0.3, 2.5])
+def test_a_merger_takes_as_long_as_the_demonstrations(parts, speed):
+    truth = merge_skills(parts, part_weights=[1, 3, 2], speed=0.8)
+    found = timed(replace(truth, speed=speed), motions_of(truth))
+    # A time is read off to a step, of which there are at least 200 in a demonstration.
+    assert found.speed == pytest.approx(0.8, rel=0.02)
+    assert found.part_weights.tolist() == truth.part_weights.tolist()
+
+
+def test_a_merger_is_not_hurried_beyond_its_controller_period(parts):
+    truth = merge_skills(parts)
+    hasty = motions_of(truth, hurry=1e3)
+    found = timed(truth, hasty)
+    assert contraction_period(found) >= min(PERIOD, *(contraction_period(part) for part in parts))
 
 
 def test_a_part_with_next_to_no_influence_is_left_out(parts):

@@ -48,11 +48,85 @@ def test_learn_twice_says_up_to_date_and_leaves_the_file_alone(run, curve_files,
     assert (forced["status"], forced["written"]["created"]) == ("learned", False)
 
 
+@pytest.fixture
+def lossy_files(curve_files, tmp_path):
+    """Four demonstrations: one lost three samples, and one ends 30 mm, 13 % of the extent, away."""
+    tables = [np.loadtxt(path, delimiter=",", skiprows=1) for path in curve_files]
+    tables[1][40:43, 1:] = 0
+    tables[3][:, 1] += np.linspace(0, 0.03, 101) ** 2 / 0.03
+    paths = [tmp_path / path.name for path in curve_files]
+    for path, table in zip(paths, tables, strict=True):
+        np.savetxt(path, table, delimiter=",", header="t,x,y", comments="", fmt="%.6f")
+    return paths
+
+
+def test_what_is_wrong_with_recordings_is_said_kept_and_shown(run, lossy_files, tmp_path):
+    arguments = ["learn", *lossy_files, "-o", tmp_path / "a.h5", "--preset", "fast", "--components", "3"]
+    lost = "curve-1.csv: 3 samples are exactly zero, up to 0."
+    apart = "curve-3.csv ends 0.03 m from the others, 13% of the extent, at line 102."
+    for more in ("-q", "-q"):  # learned, and up to date
+        first, second = run(*arguments, more).stderr.splitlines()
+        assert first.startswith(f"warning: {lost}")
+        assert first.endswith("m off the motion at line 42 to line 44, left out.")
+        assert second == f"warning: {apart}"
+    kept = document(run(*arguments, "--json"))
+    assert kept["warnings"][1] == apart
+    shown = run("inspect", tmp_path / "a.h5").stdout
+    assert all(sentence in shown for sentence in kept["warnings"])
+
+
+def test_how_far_demonstrations_were_moved_is_shown(run, lossy_files, tmp_path):
+    arguments = ["learn", *lossy_files, "-o", tmp_path / "a.h5", "--preset", "fast", "--components", "3"]
+    *others, apart = document(run(*arguments, "--json"))["demonstrations"]
+    # The others end at one place, which is the target; rounded to a micrometre in the files.
+    assert all(
+        other["moved"] <= 2e-6 and other["dtw_unmoved"] == pytest.approx(other["dtw"]) for other in others
+    )
+    assert apart["moved"] == pytest.approx(0.03, abs=2e-6)
+    # A motion from its true start begins on it, and ends 30 mm off.
+    assert apart["dtw"] < apart["dtw_unmoved"] < 0.03
+    heading = next(line for line in run("inspect", tmp_path / "a.h5").stdout.splitlines() if "DTW" in line)
+    assert "moved" in heading
+    assert "DTW unmoved" in heading
+
+
+def test_a_recording_that_is_too_bad_is_refused_unless_it_is_accepted(run, curve_files, tmp_path):
+    table = np.loadtxt(curve_files[2], delimiter=",", skiprows=1)
+    table[60:, 1:] = 0.9, 0.9
+    np.savetxt(bad := tmp_path / "bad.csv", table, delimiter=",", header="t,x,y", comments="")
+    arguments = ["learn", *curve_files[:2], bad, "-o", tmp_path / "a.h5", "--preset", "fast"]
+    refused = run(*arguments)
+    assert refused.exit_code == 5
+    assert refused.stderr.startswith("error: bad.csv: 41 samples jump aside")
+    assert "still moving at line 61" in refused.stderr
+    hint = "hint: Leave all out with --demos 0-1, or accept all with --accept dropouts,ends."
+    assert refused.stderr.splitlines()[1] == hint
+    assert not (tmp_path / "a.h5").exists()
+    assert run(*arguments, "--demos", "0-1").exit_code == 0
+    accepted = run(*arguments, "--accept", "dropouts,ends", "--force")
+    assert accepted.exit_code == 0
+    assert "warning: bad.csv: 41 samples jump aside" in accepted.stderr
+    wrong = run(*arguments, "--accept", "end")
+    assert wrong.exit_code == 2
+    assert "'end' is not one of dropouts, jumps" in wrong.stderr
+
+
+def test_a_skill_that_does_not_follow_its_demonstrations_is_warned_of(run, tmp_path):
+    turn = np.linspace(0, 1.5 * np.pi, 101)
+    there = np.column_stack([np.linspace(0, 2, 101), np.cos(turn), np.sin(turn)])
+    np.savetxt(path := tmp_path / "a.csv", there, delimiter=",", header="t,x,y", comments="")
+    arguments = ["learn", path, "-o", tmp_path / "a.h5", "--components", "1", "--metric", "euclidean"]
+    report = document(run(*arguments, "--preset", "fast", "--json"))
+    share = report["demonstrations"][0]["dtw"] / np.sqrt(8)
+    assert share > 0.04
+    assert any(f"off on average, {share:.0%} of the extent." in sentence for sentence in report["warnings"])
+
+
 def test_notes_about_the_input_go_to_standard_error(run, curve_files, tmp_path):
     first = curve_files[0].read_text().splitlines()
     rows = [f"{line},1" for line in first[1:]]
     (path := tmp_path / "extra.csv").write_text("\n".join([f"{first[0]},force", *rows]))
-    arguments = ["learn", path, "-o", tmp_path / "a.h5", "--components", "1", "--preset", "fast"]
+    arguments = ["learn", path, "-o", tmp_path / "a.h5", "--components", "3", "--preset", "fast"]
     result = run(*arguments)
     assert result.exit_code == 0
     assert result.stderr.startswith("note: ")

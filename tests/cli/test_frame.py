@@ -275,6 +275,13 @@ def test_a_command_that_is_announced_can_be_pasted(monkeypatch, capsys):
     assert heard.stdout.split() == command.split()
 
 
+def test_warnings_are_for_everyone_but_readers_of_json_who_find_them_in_the_document(capsys):
+    Output(as_json=True).warning("hello")
+    assert capsys.readouterr().err == ""
+    Output(quiet=True).warning("hello")
+    assert capsys.readouterr().err == "warning: hello\n"
+
+
 @pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"CI": "true", "TERM": "xterm"}])
 def test_dumb_terminals_and_ci_get_plain_lines(shell, environment):
     assert "\x1b" not in _on_a_terminal(shell, environment)

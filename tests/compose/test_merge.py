@@ -100,6 +100,16 @@ def test_a_merged_skill_inside_a_merger_counts_as_one_part(make_skill):
     assert [len(part.leaves) for part in nested.parts] == [2, 1]
 
 
+def test_unless_told_the_experts_gate_prefers_the_strongest_component(make_skill):
+    rng = np.random.default_rng(4)
+    parts = [make_skill(rng, n_components=3) for _ in range(2)]
+    x = rng.normal(0, 0.3, (50, 2))
+    own = [part.responsibilities(x) for part in parts]
+    merged = merge(parts, gate="experts")
+    powers = np.hstack(own) ** 4
+    assert np.abs(merged.responsibilities(x) - powers / powers.sum(axis=1, keepdims=True)).max() <= 64 * EPS
+
+
 def test_a_large_sharpness_lets_the_strongest_component_act_alone(make_skill):
     rng = np.random.default_rng(5)
     parts = [make_skill(rng, n_components=3) for _ in range(2)]

@@ -242,6 +242,23 @@ def test_commas_are_decimal_or_separate_thousands(read_text, cells: Cells, numbe
         assert demonstration.positions.ravel().tolist() == numbers
 
 
+@pytest.mark.parametrize(
+    ("cells", "numbers"),
+    [
+        (["1.061", "999", "1.650"], [1061, 999, 1650]),
+        (["1.061", "2.999", "1.650"], [1.061, 2.999, 1.650]),  # as everywhere
+        (["1.061", "999", "1.65"], [1.061, 999, 1.65]),
+        (["1.234,5", "1.061", "999,5"], [1234.5, 1061, 999.5]),
+    ],
+)
+def test_points_separate_thousands_only_where_nothing_else_makes_sense(read_text, cells, numbers) -> None:
+    for separator in (";", "\t"):
+        result = read_text(table(f"n{separator}x", FRAMES[:3], cells, sep=separator), dt=1.0)
+        assert result.demonstrations.demonstrations[0].positions.ravel().tolist() == numbers
+        said = "points in numbers are read as separators between thousands." in result.notes
+        assert said == (numbers == [1061, 999, 1650])
+
+
 @pytest.mark.parametrize("name", ["trial", "episode_index", "Demo ID", "run"])
 def test_columns_that_tell_demonstrations_apart_are_known_by_their_names(read_text, name: str) -> None:
     which = ["0"] * 15 + ["1"] * 15

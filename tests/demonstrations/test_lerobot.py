@@ -167,7 +167,9 @@ def test_numbers_and_features_are_chosen_by_name(save, motions) -> None:
 def test_what_is_not_certain_is_asked_for(save, features) -> None:
     with pytest.raises(InputDataError, match="not certain which numbers are the position") as error:
         read_demonstrations([save("v2.1", **features)])
-    assert "--columns" in error.value.hint
+    name = next(iter(features)).replace("__", ".")
+    assert f"Choose with --columns, as in --columns {name}" in error.value.hint.replace("'", "")
+    assert f"They are: {name} (" in error.value.hint
 
 
 def test_several_tasks_are_no_secret(save) -> None:

@@ -268,13 +268,6 @@ def test_uneven_steps_are_reported(write) -> None:
     assert note == f"{path} with uneven time steps; worst {path}, where they spread by 100% of their median."
 
 
-def test_ends_far_apart_are_reported(write) -> None:
-    text = "demo,t,x\na,0,0\na,1,1\nb,0,0\nb,1,{}\n"
-    assert read_demonstrations([write(text.format(1.15))]).notes == ()
-    (note,) = read_demonstrations([write(text.format(1.5))]).notes
-    assert note.startswith("the end points lie up to 0.25 m from their mean, 17% of the extent")
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

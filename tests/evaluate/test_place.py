@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from typing import cast
 
 import numpy as np
 import pytest
 
 from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.rollout import ARRIVAL_DISTANCE
 from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load
@@ -36,12 +38,12 @@ def test_a_combined_skill_says_which_part_acts_and_where_the_motion_ends(both, l
         assert int(np.argmax(place.weights)) == index
 
 
-def test_weights_are_the_priors_times_the_densities(both):
+def test_weights_are_the_priors_times_the_regions(both):
     skill = load(both)
     x = 0.5 * (skill.attractors[0] + skill.attractors[1])
     values = [
-        prior * np.exp(part.density.log_density(x[None])[0])
-        for prior, part in zip((2 / 3, 1 / 3), skill.parts, strict=True)
+        prior * np.exp(region.log_density(x[None])[0])
+        for prior, region in zip((2 / 3, 1 / 3), cast(CombinedSkill, skill).regions, strict=True)
     ]
     weights = inspect(both, position=x.tolist()).at.weights
     assert weights == pytest.approx(np.array(values) / sum(values), rel=1e-9)  # exp of logs of about 10
@@ -77,7 +79,7 @@ def test_a_place_of_another_space_is_refused(library, position):
 def test_the_command_shows_it_to_people_and_programs(run, both):
     text = run("inspect", both, "--at", "-0.1,-0.2")
     assert (text.exit_code, text.stderr) == (0, "")
-    for word in ("acts      part 2", "motion    arrives after", "own starts in it"):
+    for word in ("acts      part 2", "motion    arrives after", "left-out starts in it"):
         assert word in text.stdout
     document = json.loads(run("inspect", both, "--at", "-0.1,-0.2", "--json").stdout)
     assert document["at"]["part"] == 2

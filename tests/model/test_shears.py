@@ -11,6 +11,7 @@ from skillctl.errors import InvalidModelError
 from skillctl.model.controller import Controller
 from skillctl.model.coordinates.chain import Chain
 from skillctl.model.coordinates.shears import SHEAR_ARRAYS, Shears
+from skillctl.model.merged import MergedSkill
 from skillctl.model.stepper import Stepper
 from skillctl.stability.certificate import certify
 
@@ -180,3 +181,24 @@ def test_the_motion_moves_with_its_target(make_skill):
     moved = skill.translated(offset)
     np.testing.assert_allclose(moved.velocity(states + offset), skill.velocity(states), rtol=1e-9, atol=1e-12)
     assert moved.coordinates == skill.coordinates
+
+
+def test_components_add_up_to_the_velocity(make_skill):
+    rng = np.random.default_rng(11)
+    parts = [replace(make_skill(rng, attractor=[0.3, 0.1]), coordinates=Chain((shears_of(2),))) for _ in "ab"]
+    merged = MergedSkill(tuple(parts), np.array([0.4, 0.6]), speed=1.5)
+    states = rng.normal(size=(40, 2))
+    for skill in (parts[0], merged):
+        found = skill.component_velocities(states)
+        assert found.shape == (40, skill.n_components, 2)
+        np.testing.assert_allclose(found.sum(axis=1), skill.velocity(states), rtol=1e-9, atol=1e-12)
+
+
+def test_the_decay_of_v_is_that_of_finite_differences(make_skill):
+    rng, step = np.random.default_rng(12), 1e-6
+    skill = replace(make_skill(rng, attractor=[0.3, 0.1]), coordinates=Chain((shears_of(2),)))
+    states = rng.normal(size=(200, 2))
+    y = skill.lifted(states)
+    ahead, behind = (skill.v_distance(skill.advanced(states, sign * step)) for sign in (1, -1))
+    expected = -(ahead - behind) / (2 * step) / skill.form.distance(y - skill.attractor)
+    np.testing.assert_allclose(skill.decay(states), expected, rtol=1e-6)

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.contour import QuadContourSet
 from matplotlib.patches import Circle, Ellipse
 
@@ -16,7 +18,7 @@ from skillctl.plotting.panels import DEVIATIONS, _leads
 from skillctl.plotting.portrait import motions_from, portrait_of
 from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
-from skillctl.plotting.style import DEMONSTRATION, INK, LEFT_OUT, MOTION, PARTS, WITNESS
+from skillctl.plotting.style import DEMONSTRATION, INK, LEFT_OUT, MOTION, PARTS, WITNESS, moved_by
 
 ROUNDING = 1e-9  # of coordinates after a change of unit and back; far below a pixel
 
@@ -176,6 +178,12 @@ def test_a_fit_shows_paths_and_speeds_of_every_demonstration(portrait, lines, te
     assert "learned without that demonstration" not in texts(figure)
 
 
+def test_a_fit_says_how_far_demonstrations_were_moved(portrait):
+    _, *profiles = draw_fit(portrait(2), [0.001, 0.002, 0.003], moved=[0.0, 0.02, None]).axes
+    titles = [axes.get_title().split("\n")[1] for axes in profiles]
+    assert titles == ["DTW 1.00 mm", "DTW 2.00 mm, moved 20.00 mm", "DTW 3.00 mm"]
+
+
 @pytest.mark.parametrize("dimension", [2, 3, 7])
 def test_motions_learned_without_a_demonstration_are_marked(portrait, lines, texts, dimension):
     shown = portrait(dimension)
@@ -278,3 +286,40 @@ def test_a_portrait_without_any_demonstration_can_be_drawn_whatever_its_kind(por
         shown = portrait(dimension, kind="combined", demonstrations=False)
         assert draw_skill(shown, "combined").axes
     assert portrait_of("again", shown.skill, [None, None]).demonstrations == ()
+
+
+@pytest.mark.parametrize("dimension", [2, 3, 4])
+def test_motions_of_a_combined_skill_have_the_colour_of_their_part(portrait, lines, texts, dimension):
+    shown = portrait(dimension, kind="combined", demonstrations=True)
+    figure = draw_skill(shown, "combined")
+    assert {motion.part for motion in shown.motions} == {0, 1}
+    assert not lines(figure.axes[0], MOTION)
+    for part in (0, 1):
+        drawn = [line for line in figure.axes[0].get_lines() if line.get_color() == moved_by(part)["color"]]
+        assert len(drawn) == sum(motion.part == part for motion in shown.motions)
+        assert any(text.endswith(f"part {part + 1}") for text in texts(figure))
+
+
+@pytest.mark.parametrize("kind", ["learned", "combined"])
+@pytest.mark.parametrize("name", ["z", "a name that is rather long"])
+def test_no_label_is_cut_off_at_the_edge_of_the_figure(portrait, kind, name):
+    shown = portrait(3, kind=kind, demonstrations=True)
+    space = replace(shown.skill.space, names=(*shown.skill.space.names[:2], name))
+    skill = shown.skill.with_leaves(lambda leaf: replace(leaf, space=space))
+    figure = draw_skill(replace(shown, skill=skill), kind)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())
+    for edge in (pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]):
+        assert (edge == 255).all()
+
+
+def test_no_part_is_lost_on_white_and_white_lines_are_outlined(portrait):
+    for colour in PARTS:
+        red, green, blue = to_rgb(colour)
+        assert 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.75, colour  # Rec. 709: of white it is 1
+    shown = portrait(2, demonstrations=True)
+    (axes, *_) = draw_proofs([(shown, bounds())]).axes
+    white = [line for line in axes.get_lines() if line.get_color() == "white"]
+    assert len(white) == len(shown.motions)
+    assert all(line.get_path_effects() for line in white)

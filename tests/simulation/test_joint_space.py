@@ -32,6 +32,14 @@ def turning(linear: MakeLinear) -> Callable[..., SedsSkill]:
     return make
 
 
+def off_line(joints: np.ndarray, start: tuple[float, ...], end: tuple[float, ...]) -> float:
+    """Return the largest distance of joints (T, n) to the line through two postures, [rad]."""
+    line = np.array(end) - start
+    line /= np.linalg.norm(line)
+    off = joints - start
+    return float(np.linalg.norm(off - np.outer(off @ line, line), axis=1).max())
+
+
 def test_the_joints_go_to_the_target_as_the_skill_says(turning: Callable[..., SedsSkill]) -> None:
     episode = simulate(turning(), Scenario(start=START))
     joints, target = episode.series.joints, np.array(TARGET)
@@ -41,9 +49,7 @@ def test_the_joints_go_to_the_target_as_the_skill_says(turning: Callable[..., Se
     assert np.linalg.norm(joints[-1] - target) < 2e-3  # the tolerance
     assert episode.metrics.final_error == pytest.approx(np.linalg.norm(joints[-1] - target), rel=1e-12)
     # ẋ = −2 (x − x*) is straight: the joints stay on the line from start to target, within what motors lag.
-    line = (target - START) / np.linalg.norm(target - START)
-    off = joints - START
-    assert np.linalg.norm(off - np.outer(off @ line, line), axis=1).max() < 1e-3
+    assert off_line(joints, START, TARGET) < 1e-3
     # Where neither acceleration nor joints limit it, it decays with rate 2.
     distances = np.linalg.norm(joints - target, axis=1)
     middle = (distances < 0.2) & (distances > 0.02)
@@ -96,6 +102,7 @@ def test_joints_keep_their_speed_limits(turning: Callable[..., SedsSkill]) -> No
     fast = simulate(turning((2.5, *TARGET[1:]), rate=20.0), Scenario(start=(-2.5, *START[1:])))
     assert fast.success
     assert 0.9 < fast.metrics.velocity_ratio <= 1.0
+    assert off_line(fast.series.joints, (-2.5, *START[1:]), (2.5, *TARGET[1:])) < 0.02  # slower, on its path
 
 
 @pytest.mark.parametrize("where", ["start", "target"])

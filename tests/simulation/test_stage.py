@@ -35,6 +35,31 @@ def test_a_cup_is_seen_where_it_is_placed() -> None:
     assert rows.min() == pytest.approx(expected[:, 1].min(), abs=1.5)
 
 
+def test_an_arm_that_is_seen_through_hides_nothing() -> None:
+    place = np.array([0.45, 0.0, 0.3])
+    with Stage(ARMS["panda"], 0.0, None) as stage:
+        stage.show(np.array(ARMS["panda"].home), np.zeros(2))
+        cup = stage.add_cup(Cup())
+        stage.put(cup, np.array([*place, *UPRIGHT]))
+        camera = Camera(np.vstack([stage.arm_extent(), place]), np.array([0.05, 0.0, 1.0]), 480, 400)
+        opaque = camera.render(stage)
+        with stage.without_arm():
+            bare = camera.render(stage)
+        again = camera.render(stage)
+    assert (again.depths == opaque.depths).all()
+    arm = opaque.surface == stage.body
+    assert arm.any()
+    assert not (bare.surface == stage.body).any()
+    seen = opaque.through(stage.body, bare, 0.25)
+    assert (seen.depths == bare.depths).all()
+    assert (seen.colours[~arm] == bare.colours[~arm]).all()
+    mixed = 0.25 * opaque.colours[arm] + 0.75 * bare.colours[arm]
+    assert np.abs(seen.colours[arm] - mixed).max() <= 0.5  # rounded to whole levels
+    (head,) = camera.hidden(place[None] + (0.0, 0.0, 0.06), opaque)
+    assert head
+    assert not camera.hidden(place[None] + (0.0, 0.0, 0.06), seen)[0]
+
+
 def test_a_cup_is_open_and_no_wider_than_its_cylinder() -> None:
     vertices, normals, indices = _cup_mesh(0.03, 0.10)
     assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)

@@ -14,7 +14,7 @@ from skillctl.model.coordinates.chain import Chain
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
 from skillctl.stability.certificate import certify
-from skillctl.stability.region import DensityBounds, certified_radius
+from skillctl.stability.region import DensityBounds, certified_radius, selectable_parts
 
 
 def two_parts(make_skill, rng, places, densities, priors=(0.5, 0.5), lyapunov=None):
@@ -45,6 +45,18 @@ def test_between_equal_spheres_the_radius_is_half_the_distance(make_skill):
     for index in (0, 1):
         # Short of ½ by bisection and guard: less than 1e-6
         assert 0.5 - 1e-6 < certified_radius(skill, index) < 0.5
+
+
+def test_regions_decide_and_not_position_densities(make_skill):
+    places = ([0.0, 0.0], [0.6, 0.8])
+    spheres = [GaussianMixture([1.0], [place], [0.01 * np.eye(2)]) for place in places]
+    swapped = two_parts(make_skill, np.random.default_rng(0), places, spheres[::-1])
+    skill = replace(swapped, regions=tuple(spheres))
+    for index, place in enumerate(np.array(places)):
+        assert certified_radius(swapped, index) is None
+        assert 0.5 - 1e-6 < certified_radius(skill, index) < 0.5
+        assert selectable_parts(swapped, place - 0.1, place + 0.1) == (1 - index,)
+        assert selectable_parts(skill, place - 0.1, place + 0.1) == (index,)
 
 
 def test_a_stretched_p_fits_its_ball_into_the_region(make_skill):

@@ -134,6 +134,9 @@ def skills() -> dict[str, Skill]:
         "nested merged": nested,
         "combined": CombinedSkill((a, c), np.array([0.25, 0.75])),
         "combined of merged": combined,
+        "combined with regions": CombinedSkill(
+            (a, c), np.array([0.25, 0.75]), regions=(seds(6, m=2).density, seds(7, m=5).density)
+        ),
         "bent": bent(a),
         "bent merged": MergedSkill((bent(a), bent(b)), np.array([0.3, 0.7])),
         "bent and plain": CombinedSkill((bent(seds(5, d=6)), seds(6, d=6)), np.array([0.25, 0.75])),

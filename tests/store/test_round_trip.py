@@ -47,7 +47,8 @@ def exact(skill):
         )
         return ("merged", parts, *numbers)
     numbers = (skill.part_priors.tobytes(), skill.gate, skill.disturbance_distance.hex(), skill.speed.hex())
-    return ("combined", parts, *numbers)
+    regions = [a.tobytes() for r in skill.regions for a in (r.priors, r.means, r.covariances)]
+    return ("combined", parts, *numbers, regions)
 
 
 def exact_demonstrations(artifact):

@@ -144,7 +144,7 @@ class Chain(Link):
 
 
 def _one_after_the_other(pulls: list[Pull]) -> Pull:
-    if len(pulls) == 1:
+    if len(pulls) == 1:  # as it nearly always is
         return pulls[0]
 
     def pull_all(velocities: FloatArray) -> FloatArray:

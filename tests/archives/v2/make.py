@@ -132,6 +132,8 @@ def archive() -> dict[str, store.Artifact]:
     )
     nested = MergedSkill((dense, left), np.array([0.125, 0.875]), "superposition")
     instantaneous = CombinedSkill((left, other), halves, "instantaneous", 0.125)
+    regions = tuple(GaussianMixture(halves, part.means, part.covariances) for part in (left, other))
+    taught_regions = CombinedSkill((left, other), halves, "latched", 0.125, regions=regions)
     aligned = CombinedSkill((left, dense), np.array([0.75, 0.25]), "instantaneous", 0.125, 0.5)
     return {
         "seds-bare.h5": artifact(right, (None,), "python"),
@@ -140,6 +142,7 @@ def archive() -> dict[str, store.Artifact]:
         "merged-density.h5": artifact(dense, (None, None), "python"),
         "merged-nested.h5": artifact(nested, (*taught, None), "merge"),
         "combined-instantaneous.h5": artifact(instantaneous, taught, "combine"),
+        "combined-regions.h5": artifact(taught_regions, taught, "combine"),
         "combined-aligned.h5": artifact(aligned, (demonstrations(-1.0), None, None), "combine"),
         "seds.h5": artifact(left, (demonstrations(0.0),), "learn"),
         "merged.h5": artifact(merged, (demonstrations(0.0), demonstrations(1.0)), "merge"),
