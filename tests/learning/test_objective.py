@@ -86,9 +86,17 @@ def test_errors_count_in_the_state(data: TrainingData, initial: Field) -> None:
     stretched = replace(data, coordinates=Chain((threefold,)))
     # Quadratic gates of y / 3 instead of y, and the same matrices: the same motion of the state.
     same = Field(initial.matrices, initial.logits / np.array([1, 3, 3, 9, 9, 9]))
-    plain = LearningObjective(data).evaluate(initial)
-    found = LearningObjective(stretched, Weights(phase=3.0)).evaluate(same)  # matching is done in y
-    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-9, atol=1e-12)
+    # Without copies beside the demonstrations, which are made in y; matching is done there, too.
+    weights = Weights(displacement=0.0, distances=())
+    objective = LearningObjective(data, weights)
+    other = LearningObjective(stretched, replace(weights, phase=3.0))
+    plain, found = objective.evaluate(initial), other.evaluate(same)
+    weighed = objective.moments.weighed(plain.velocity_errors)
+    moved = other.moments.weighed(found.velocity_errors)  # WᵀW e with W = 1/3 and e threefold
+    np.testing.assert_allclose(3 * moved, weighed, rtol=1e-9, atol=1e-12)
+    assert plain.matching is not None
+    assert found.matching is not None
+    np.testing.assert_allclose(found.matching.errors, plain.matching.errors, rtol=1e-9, atol=1e-12)
     assert found.cost == pytest.approx(plain.cost, rel=1e-9)
 
 
