@@ -14,23 +14,28 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args
 
 import lasa
 import numpy as np
 from lasa import Score, microseconds, score
 
-from skillctl.learning.fit import fit
-from skillctl.learning.options import LearnOptions
+from skillctl.arrays import FloatArray
+from skillctl.geometry import box
+from skillctl.learning.fit import fit, learned_distance
+from skillctl.learning.options import Coordinates, LearnOptions
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.rollout import rollout
 from skillctl.model.space import Euclidean
 
+PLAIN: dict[str, Any] = {"coordinates": "identity"}
 ROWS = {
-    "learned P, default": LearnOptions(),
-    "learned P, fast": LearnOptions(preset="fast"),
-    "learned P, quality": LearnOptions(preset="quality"),
-    "P = I (strict SEDS)": LearnOptions(metric="euclidean"),
-    "P = I, quality": LearnOptions(metric="euclidean", preset="quality"),
+    "default": LearnOptions(),
+    "fast": LearnOptions(preset="fast"),
+    "quality": LearnOptions(preset="quality"),
+    "no shears": LearnOptions(**PLAIN),
+    "no shears, P = I (strict SEDS)": LearnOptions(metric="euclidean", **PLAIN),
     "velocities only (mse)": LearnOptions(objective="mse"),
     "likelihood (Eq. 6)": LearnOptions(objective="likelihood"),
 }
@@ -54,15 +59,84 @@ def row(name: str, scores: Sequence[Score]) -> str:
     )
 
 
-def held_out(motions: dict[str, DemonstrationSet]) -> list[Score]:
-    """Learn each single-model motion from its first five demonstrations; measure on the other two."""
-    scores = []
+def split(
+    motions: dict[str, DemonstrationSet], count: int
+) -> Iterator[tuple[DemonstrationSet, DemonstrationSet]]:
+    """Yield the first ``count`` demonstrations of each single-model motion, and the others."""
     for name, motion in motions.items():
         if not name.startswith("Multi_Models"):
-            parts = motion.demonstrations[:5], motion.demonstrations[5:]
+            parts = motion.demonstrations[:count], motion.demonstrations[count:]
             training, test = (DemonstrationSet(part, motion.space) for part in parts)
-            scores.append(score(training, LearnOptions(), test))
-    return scores
+            yield training, test
+
+
+def published(motions: dict[str, DemonstrationSet], options: LearnOptions) -> str:
+    """Return the figures of ds-opt's published test: learn demonstrations 1 to 4, test on 5 to 7.
+
+    Means over the tested demonstrations of: the DTW distance, summed over the matched pairs, of every second
+    sample [mm]; the velocity error ‖f − ẋ‖ / √d [mm/s]; and 1 − cos of the angle between both.
+    """
+    rows = []
+    for training, test in split(motions, 4):
+        skill = fit(training, options).skill
+        for motion in test:
+            x, v = motion.positions - motion.positions[-1] + skill.attractor, motion.velocities
+            every = 2 * float(np.median(np.diff(motion.times)))
+            moved = rollout(
+                skill,
+                x[:1],
+                duration=lasa.HORIZON * motion.duration,
+                period=every,
+                arrival_distance=lasa.GOAL,
+            )
+            _, path = moved.trajectory(0)
+            f = skill.velocity(x)
+            error = np.linalg.norm(f - v, axis=1).mean() / np.sqrt(x.shape[1])
+            speeds = np.linalg.norm(f, axis=1) * np.linalg.norm(v, axis=1)
+            turned = 1 - (f * v).sum(axis=1)[speeds > 0] / speeds[speeds > 0]
+            rows.append((1e3 * summed_dtw(path, x[::2]), 1e3 * error, np.abs(turned).mean()))
+    distance, error, turned = np.mean(rows, axis=0)
+    return f"DTWD {distance:.0f}, RMSE {error:.2f}, e-dot {turned:.3f}"
+
+
+def summed_dtw(a: FloatArray, b: FloatArray) -> float:
+    """Return the smallest sum of distances over monotone matchings of two paths."""
+    costs = np.linalg.norm(a[:, None] - b[None], axis=2)
+    best = np.full((len(a) + 1, len(b) + 1), np.inf)
+    best[0, 0] = 0
+    for diagonal in range(2, len(a) + len(b) + 1):
+        i = np.arange(max(1, diagonal - len(b)), min(len(a), diagonal - 1) + 1)
+        j = diagonal - i
+        before = np.minimum(np.minimum(best[i - 1, j], best[i, j - 1]), best[i - 1, j - 1])
+        best[i, j] = costs[i - 1, j - 1] + before
+    return float(best[-1, -1])
+
+
+def speed_beside(motions: dict[str, DemonstrationSet], options: LearnOptions) -> str:
+    """Return how fast skills are beside the motion: 95th percentile in a box over the fastest one shown.
+
+    The box is half as large again as that of the demonstrations; mean over the motions, and the largest.
+    """
+    ratios = []
+    for motion in motions.values():
+        skill = fit(motion, options).skill
+        low, high = box(np.vstack([d.positions for d in motion]))
+        middle, half = 0.5 * (low + high), 0.75 * (high - low)
+        states = np.random.default_rng(0).uniform(middle - half, middle + half, (10_000, len(low)))
+        speeds = np.linalg.norm(skill.velocity(states), axis=1)
+        shown = max(float(np.linalg.norm(d.velocities, axis=1).max()) for d in motion)
+        ratios.append(float(np.quantile(speeds, 0.95)) / shown)
+    return f"{np.mean(ratios):.2f} (mean), {max(ratios):.2f} (largest)"
+
+
+def under_one_proof(motions: dict[str, DemonstrationSet]) -> str:
+    """Return the DTW of Sshape and Angle [mm], learned under one distance with and without coordinates."""
+    sets = [motions["Sshape"], motions["Angle"]]
+    found = {}
+    for coordinates in get_args(Coordinates)[:2]:
+        distance = learned_distance(sets, coordinates)
+        found[coordinates] = [lasa.behaviour(fit(each, distance=distance), each)[0] for each in sets]
+    return ", ".join(f"{name}: {a:.2f} / {b:.2f}" for name, (a, b) in found.items())
 
 
 def speed() -> list[str]:
@@ -79,8 +153,10 @@ def speed() -> list[str]:
         float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
         for _ in range(6)
     ][1:]
+    bent = fit(motion, LearnOptions(preset="fast", n_components=7, coordinates="shears")).skill
     return [
         f"one state, K = 7, d = 3: {microseconds(lambda: skill.velocity(state)):.1f} us",
+        f"the same with shears: {microseconds(lambda: bent.velocity(state)):.1f} us",
         f"a million states, K = 7, d = 3: {batch:.0f} ns a state",
         f"import skillctl and its model: {np.median(imports):.2f} s CPU",
     ]
@@ -136,7 +212,13 @@ def main() -> None:
         if arguments.motions:
             print("  " + ", ".join(f"{m} {s.dtw:.2f} ({s.bound:.2f})" for m, s in scores.items()))
     if not arguments.only:
-        print(row("learned P, default, held out", held_out(motions)), flush=True)
+        for name in ("default", "no shears"):
+            scores = [score(training, ROWS[name], test) for training, test in split(motions, 5)]
+            print(row(f"{name}, held out", scores), flush=True)
+        for name in ("default", "no shears"):
+            print(f"ds-opt's test, {name}: {published(motions, ROWS[name])}", flush=True)
+            print(f"speed beside the motion, {name}: {speed_beside(motions, ROWS[name])}", flush=True)
+        print(f"Sshape and Angle under one proof [mm]: {under_one_proof(motions)}", flush=True)
         print("\n" + "\n".join(speed() + growth()))
 
 
