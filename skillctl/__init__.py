@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from skillctl.usecases.simulate import simulate
     from skillctl.usecases.verify_stability import verify
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 __all__ = [
     "CombineOptions",

@@ -16,6 +16,7 @@ from skillctl.errors import Terminated
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
     signal.signal(signal.SIGTERM, _terminate)
+    _fill_descriptors()
     try:
         _run()
     except KeyboardInterrupt as stop:  # while modules were loaded; the command line tells of all others
@@ -48,6 +49,19 @@ def _run() -> None:
     from skillctl.cli.app import app
 
     app(prog_name="skillctl")
+
+
+def _fill_descriptors() -> None:
+    """Point closed standard streams nowhere: the next file that is opened would have their descriptors.
+
+    Where standard error is missing, Python's ``print`` takes standard output. A closed standard output stays
+    missing, for a result that nobody gets is an error.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it lasts as long as the program
 
 
 def _terminate(*_: object) -> None:

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.version import Version
 
 import skillctl
+from skillctl.toml_files import parse_toml
 
 ROOT = Path(__file__).parent.parent
 
@@ -21,7 +23,11 @@ def test_the_citation_names_the_newest_release_of_the_changelog() -> None:
     first, second, *_ = re.findall(r"^## (.*)$", changelog, re.MULTILINE)
     assert first == "Unreleased"
     assert second == f"{citation['version']} - {citation['date-released']}"
-    assert citation["version"] == skillctl.__version__
+    # Between two releases the version is that of the next one, marked as not released.
+    released = Version(citation["version"])
+    assert Version(skillctl.__version__) == released or (
+        Version(skillctl.__version__) > released and Version(skillctl.__version__).is_devrelease
+    )
     assert citation["license"] == "MIT"
 
 
@@ -36,7 +42,10 @@ def test_contributors_hooks_and_forms_are_valid() -> None:
 
 
 def test_nobody_is_sent_to_the_package_index_for_skillctl() -> None:
-    # Another project has that name there.
+    # Another project has that name there; this one is distributed as robot-skillctl.
+    metadata = parse_toml((ROOT / "pyproject.toml").read_bytes())["project"]
+    assert metadata["name"] == "robot-skillctl"
+    assert metadata["scripts"] == {"skillctl": "skillctl.__main__:main"}
     if not (ROOT / ".git").exists():
         pytest.skip("not a git checkout: nothing says which files belong")
     pattern = r"pip install( -[-a-z]+)* '?skillctl"

@@ -76,7 +76,8 @@ def test_every_command_is_named_and_every_command_typed_exists():
 
 
 def test_every_exit_code_is_explained():
-    table = "".join(re.findall(r"^\| [\d, ]+ \|", README, re.MULTILINE))
+    page = (DOCS / "pipelines.md").read_text(encoding="utf-8")
+    table = "".join(re.findall(r"^\| [\d, ]+ \|", page, re.MULTILINE))
     assert {int(code) for code in re.findall(r"\d+", table)} == set(ExitCode)
 
 

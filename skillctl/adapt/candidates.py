@@ -10,7 +10,7 @@ from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.skill import ActingSkill
-from skillctl.store import Lock, Registry, locate_store
+from skillctl.store import Lock, Registry, existing_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill
 
@@ -69,7 +69,7 @@ def candidates_from_store(
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
         FitError: No skill moves along with them.
     """
-    registry, space = Registry(locate_store(store)), demonstrations.space
+    registry, space = Registry(existing_store(store)), demonstrations.space
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():

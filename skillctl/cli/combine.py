@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Example:
-  skillctl combine top-left top-centre top-right --align --target 0.63,0,0.76 --name shelf
+  skillctl combine left centre right --align --target 0.63,0,0.76 --name shelf
   skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5
   skillctl combine left.h5 right.h5 --calibrate -o both.h5"""
 

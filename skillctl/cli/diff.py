@@ -22,7 +22,7 @@ Example:
 
 Exit codes: 0 compared; 1 with --exit-code: behaviour or certificate differ by more than the tolerances."""
 
-SHOWN = 60  # characters of a value in the table
+SHOWN = 46  # characters of a value in the table
 REPORTS = "reports."  # three numbers a demonstration, which differ whenever skills do
 
 

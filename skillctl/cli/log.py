@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl log reach
-  skillctl learn reach-*.csv --name reach -m "slower near the shelf"   # a note for the log"""
+  skillctl learn reach-*.csv --name reach -m 'slower near the shelf'"""
 
 
 def log(

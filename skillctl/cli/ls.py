@@ -19,7 +19,7 @@ Example:
   skillctl ls reach --check
   skillctl ls --store path/to/skills --json
 
-Exit codes: 0 listed; 7 with --check: a file is damaged, or not a valid skill."""
+Exit codes: 0 listed; 4 no such store or skill; 7 with --check: a file is damaged, or not a valid skill."""
 
 
 def ls(

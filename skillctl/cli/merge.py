@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Example:
-  skillctl merge bottom-left top-centre --target 0.63,0.28,0.76 --name top-left
+  skillctl merge bottom-left top-centre --target 0.63,0.28,0.76 --name left
   skillctl merge a.h5 b.h5 --weights 2,1 --gate experts --sharpness 4 -o c.h5
   skillctl merge a b c --fit new-task.csv --fit-level component -o fitted.h5
   skillctl merge --from-store --fit once.csv --fit again.csv --name new-task"""

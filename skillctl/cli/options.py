@@ -91,7 +91,7 @@ class Work:
     backend: Literal["processes", "dask"] = option(
         "processes",
         group=WORK,
-        help="processes: on this machine; dask: on a cluster. (Needs: pip install '.[cluster]'.)",
+        help="processes: on this machine; dask: on a cluster. (Needs: pip install distributed.)",
     )
     scheduler: str | None = option(
         metavar="ADDRESS",

@@ -67,6 +67,11 @@ class Output:
         if not self.as_json:
             _to_stderr(_wrapped(printable(f"warning: {text}")))
 
+    def announce(self, command: str) -> None:
+        """Print a command that is run; where its line is broken it ends so that it can be pasted."""
+        if not (self.quiet or self.as_json):
+            _to_stderr(_wrapped(f"$ {printable(command)}", ending=" \\"))
+
     def detail(self, text: str) -> None:
         """Print what is only of interest with --verbose."""
         if self.verbose:
@@ -159,13 +164,16 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream.isatty()
 
 
-def _wrapped(text: str) -> str:
-    """Return text broken between words where standard error is a terminal, which breaks within them."""
+def _wrapped(text: str, ending: str = "") -> str:
+    """Return text broken between words where standard error is a terminal, which breaks within them.
+
+    ``ending`` closes each line that is broken.
+    """
     if not is_terminal(sys.stderr):
         return text
     whole: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False, "subsequent_indent": "  "}
-    wrapper = textwrap.TextWrapper(shutil.get_terminal_size().columns, **whole)
-    return "\n".join(map(wrapper.fill, text.split("\n")))
+    wrapper = textwrap.TextWrapper(shutil.get_terminal_size().columns - len(ending), **whole)
+    return "\n".join(f"{ending}\n".join(wrapper.wrap(line)) for line in text.split("\n"))
 
 
 def _to_stderr(text: str) -> None:

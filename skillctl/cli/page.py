@@ -10,7 +10,7 @@ from string import Template
 from typing import TYPE_CHECKING
 
 import skillctl
-from skillctl.cli import render
+from skillctl.cli import render, words
 from skillctl.errors import UsageError, printable, require_directory
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def page(
         _sentences([*certificate.proof, *certificate.failures, *certificate.evidence]),
         "<h2>Its parts and demonstrations</h2>",
         *map(_block, blocks[1:-1]),
+        _sentences(f"{name}: {meaning}" for name, meaning in words.MEANINGS.items()),
         "<h2>Where it comes from</h2>",
         _block(lineage[1]),
         absent,

@@ -20,6 +20,15 @@ Example:
   skillctl quickstart path/to/new-directory --json"""
 
 
+MEANINGS = (
+    f"DTW: {words.MEANINGS['DTW']}",
+    f"rate: {words.MEANINGS['rate']}",
+    "controller: proved, it may give commands this often or more often.",
+    "error: how far from its target the simulated hand came to rest.",
+    "cups: how many it grasped of the same cups, which stand anywhere on two boards.",
+)
+
+
 def quickstart(
     context: typer.Context,
     directory: Annotated[
@@ -29,16 +38,14 @@ def quickstart(
     """See every step on an example: reach for a cup on a shelf.
 
     Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches that were
-    not demonstrated, combines the upper three into one, proves all six stable and runs them on a simulated
-    arm. Every command is printed as it is run, so that you can repeat it by hand.
+    not demonstrated, combines the upper three into one, proves all six stable, runs them on a simulated arm,
+    and grasps cups with them. Every command is printed as it is run, so that you can repeat it by hand.
     """
     from skillctl.usecases.quickstart import quickstart as run_quickstart
 
     output: Output = context.obj
     with output.progress("working") as progress:
-        report = run_quickstart(
-            directory, announce=lambda command: output.note(f"$ {command}"), progress=progress
-        )
+        report = run_quickstart(directory, announce=output.announce, progress=progress)
     words.explain(output, report.notes)
     output.result(report, lambda: blocks(report))
     raise typer.Exit(ExitCode.DONE if report.success else ExitCode.NEGATIVE)
@@ -48,17 +55,18 @@ def blocks(report: QuickstartReport) -> list[render.Block]:
     """Return the report for people."""
     columns = {
         "skill": lambda skill: skill.skill,
-        "made by": lambda skill: skill.made_by,
         "DTW": lambda skill: words.length(skill.dtw, "m"),
         "verdict": lambda skill: skill.verdict,
         "rate": lambda skill: words.rate_and_period(skill.rate, skill.period)[0],
         "controller ≥": lambda skill: words.rate_and_period(skill.rate, skill.period)[2],
-        "simulated": lambda skill: skill.outcome or words.NONE,
-        "error": lambda skill: words.length(skill.final_error, "m"),
-        "time": lambda skill: words.number(skill.time_to_target, "s"),
+        "error": lambda skill: (
+            words.length(skill.final_error, "m") if skill.outcome in (None, "reached") else skill.outcome
+        ),
+        "cups": lambda skill: words.NONE if skill.grasped is None else f"{skill.grasped} of {report.cups}",
     }
     where = f"Everything is in {report.directory}: demonstrations/, skills/"
-    seen = "." if report.picture is None else f", and the picture {report.picture}."
+    seen = "." if report.picture is None else f", and the picture {report.picture} of the last grasp."
     following = "skillctl ls, skillctl inspect shelf, skillctl simulate --help"
     following = f"Look around: cd {report.directory}, then {following}."
-    return [render.table(report.skills, columns), f"{where}{seen}", following]
+    meanings = render.Lines("What the columns say:", MEANINGS)
+    return [render.table(report.skills, columns), meanings, f"{where}{seen}", following]

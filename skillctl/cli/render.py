@@ -17,6 +17,8 @@ SCHEMA_VERSION = 2  # keys are only ever added under one version
 
 RED = ("not proved", "not signed", "unreadable", "failed", "timeout", "unreachable", "diverged", "no")
 GREEN = ("stable", "proved", "reached", "yes")
+GAP = 2  # between columns, and between a name and its value
+UNBROKEN = 24  # a cell up to this width stays on one line
 COLOURS = {**dict.fromkeys(RED, "red"), **dict.fromkeys(GREEN, "green"), "inconclusive": "yellow"}
 
 
@@ -123,43 +125,105 @@ def _is_numeric(cell: str) -> bool:
     return True
 
 
-def to_terminal(blocks: Sequence[Block], *, coloured: bool) -> str:
-    """Return blocks for a terminal: tables with rules, verdicts in colour."""
+def to_terminal(blocks: Sequence[Block], *, coloured: bool, width: int | None = None) -> str:
+    """Return blocks for a terminal: tables with rules, verdicts in colour.
+
+    Args:
+        blocks: What is shown.
+        coloured: Whether colours are used.
+        width: Columns of the terminal, by default of the one in use. No word is broken that fits in them.
+    """
     from rich.console import Console
 
-    console = Console(no_color=not coloured, highlight=False)
+    console = Console(no_color=not coloured, highlight=False, width=width)
     shown = []
-    for block in blocks:
+    for piece in (piece for block in blocks for piece in _pieces(block, console.width)):
         with console.capture() as captured:
-            console.print(_renderable(block))
+            for line in piece:
+                console.print(line)
         lines = filter(str.strip, captured.get().split("\n"))  # tables bring empty lines
         shown.append("".join(f"{line.rstrip()}\n" for line in lines))
     return "\n".join(shown)
 
 
-def _renderable(block: Block) -> Any:
-    """Return what Rich prints for a block."""
-    from rich import box
-    from rich.console import Group
+def _pieces(block: Block, width: int) -> list[list[Any]]:
+    """Return what Rich prints for a block on so many columns; an empty line separates pieces."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    if isinstance(block, str):
+        return [[Text(printable(block))]]
+    if isinstance(block, Lines):
+        sentences = (Padding(Text(printable(each)), (0, 0, 0, 2)) for each in block.sentences)
+        return [[Text(printable(block.title)), *sentences]]
+    if isinstance(block, Facts):
+        return [_facts(block, width)]
+    return [[_ruled(block, columns)] for columns in _fitting(block, width)]
+
+
+def _facts(facts: Facts, width: int) -> list[Any]:
+    """Return names and values; a value with a word that does not fit beside its name stands below it."""
+    from rich.cells import cell_len
     from rich.padding import Padding
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    def text(words: str, style: str = "") -> Text:
-        return Text(printable(words), style=style)
+    longest = max((cell_len(printable(name)) for name, _ in facts.items), default=0)
+    lines: list[Any] = []
+    for name, value in facts.items:
+        term = Text(printable(name), style="dim")
+        words = Text(printable(value), style=COLOURS.get(value, ""))
+        if _longest_word(words.plain) > width - longest - GAP:
+            lines += [term, Padding(words, (0, 0, 0, GAP))]
+        else:
+            grid = RichTable.grid(padding=(0, GAP, 0, 0))
+            grid.add_column(width=longest)
+            grid.add_row(term, words)
+            lines.append(grid)
+    return lines
 
-    if isinstance(block, str):
-        return text(block)
-    if isinstance(block, Lines):
-        return Group(text(block.title), *(Padding(text(each), (0, 0, 0, 2)) for each in block.sentences))
-    if isinstance(block, Facts):
-        grid = RichTable.grid(padding=(0, 2))
-        for name, value in block.items:
-            grid.add_row(text(name, "dim"), text(value, COLOURS.get(value, "")))
-        return grid
-    table = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for heading, to_right in zip(block.headings, _numeric(block), strict=True):
-        table.add_column(text(heading), justify="right" if to_right else "left", overflow="fold")
-    for row in block.rows:
-        table.add_row(*(text(cell, COLOURS.get(cell, "")) for cell in row))
-    return table
+
+def _fitting(table: Table, width: int) -> list[list[int]]:
+    """Return which columns stand side by side: as many as fit, after the first, which is repeated.
+
+    Long texts may take several lines.
+    """
+    cells = zip(table.headings, *table.rows, strict=True)
+    first, *others = (max(_least_width(printable(cell)) for cell in column) for column in cells)
+    groups, used = [[0]], first
+    for index, needed in enumerate(others, start=1):
+        if used + GAP + needed > width and len(groups[-1]) > 1:
+            groups.append([0])
+            used = first
+        groups[-1].append(index)
+        used += GAP + needed
+    return groups
+
+
+def _least_width(cell: str) -> int:
+    from rich.cells import cell_len
+
+    return min(cell_len(cell), max(_longest_word(cell), UNBROKEN))
+
+
+def _longest_word(text: str) -> int:
+    from rich.cells import cell_len
+
+    return max(map(cell_len, text.split()), default=0)
+
+
+def _ruled(table: Table, columns: Sequence[int]) -> Any:
+    """Return some columns of a table for Rich."""
+    from rich import box
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    ruled = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    numeric = _numeric(table)
+    for i in columns:
+        ruled.add_column(
+            Text(printable(table.headings[i])), justify="right" if numeric[i] else "left", overflow="fold"
+        )
+    for row in table.rows:
+        ruled.add_row(*(Text(printable(row[i]), style=COLOURS.get(row[i], "")) for i in columns))
+    return ruled

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl simulate reach --picture reach.png
-  skillctl simulate reach --start 0.42,0,0.55 --target 0.6,0.1,0.5 --log reach.csv
+  skillctl simulate reach --start 0.4,0,0.5 --target 0.6,0,0.5 --log reach.csv
   skillctl simulate g-shape --plane yz --scale 5 --demo 0 --arm iiwa
   skillctl simulate reach --arm robots/mine.urdf --tip tool0 --check
-  skillctl simulate shelf --scene shelf --target cup --cup 0.62,-0.2 --picture grasp.png
-  skillctl simulate --scene shelf --target cup --move-target 1,0,0.08,0 --print-scenario > moved.toml
-  skillctl simulate shelf --scenario moved.toml --log moved.csv
-  skillctl simulate reach --episodes 50 --jobs 2 --table reach.csv --overview reach.png
+  skillctl simulate shelf --scene shelf --target cup --picture grasp.png
+  skillctl simulate --scene shelf --target cup --print-scenario > cup.toml
+  skillctl simulate shelf --scenario cup.toml --log cup.csv
+  skillctl simulate reach --episodes 50 --table reach.csv --overview reach.png
   skillctl simulate reach --episode 17 --video failure.gif
 
 Exit codes: 0 the hand reached the target, or lifted the cup, in at least --min-success of the episodes
@@ -49,7 +49,7 @@ class Watching:
     video: Path | None = option(
         metavar="F.gif|F.mp4",
         group=RESULT,
-        help="Write a film, in real time. (.mp4 needs: pip install '.[video]'.)",
+        help="Write a film, in real time. (.mp4 needs: pip install av.)",
     )
 
 

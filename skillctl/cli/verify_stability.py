@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl verify-stability reach
-  skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=stability.xml
+  skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=all.xml
   skillctl verify-stability reach --plot proof.png
   skillctl verify-stability skills/*/*.h5 --jobs 4
-  skillctl verify-stability reach --start-box 0.4:0.5,-0.1:0.1,0.5 --stay-in :0.8,-0.6:0.6,0:
-  skillctl verify-stability skills/*/*.h5 --format github --report sarif=stability.sarif
+  skillctl verify-stability reach --start-box 0.4:0.5,0,0.5 --stay-in :0.8,,0:
+  skillctl verify-stability *.h5 --format github --report sarif=all.sarif
 
 Exit codes: 0 the requirement is proved of every skill; 1 it is not proved of one, or one is not signed;
 3 it is open for one and refuted for none. If skills cannot be read, the largest of their codes counts

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart
+MEANINGS = {  # of figures that are shown without a word about them
+    "DTW": "how far the motion is from the demonstration on average, compared along their paths.",
+    "rate": "proved: the distance to the target, measured by V, shrinks at least as exp(-rate · time).",
+    "period": "proved: a controller that gives commands at least this often still converges.",
+}
 
 
 def length(value: float | None, unit: str) -> str:

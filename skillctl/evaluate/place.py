@@ -95,9 +95,10 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     """
     x = np.array(position, dtype=np.float64)
     if x.shape != (skill.dimension,) or not np.isfinite(x).all():
+        target = ",".join(f"{value:.4g}" for value in skill.attractors[0])
         raise UsageError(
             f"at: expected {skill.dimension} finite numbers ({', '.join(skill.space.names)}), got {x.size}.",
-            hint="Give the coordinates separated by commas, as in --at 0.4,0,0.5.",
+            hint=f"Separate them by commas, as in --at {target}.",
         )
     proved = [part.period for part in certificate.parts if part.period is not None]
     period = min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])

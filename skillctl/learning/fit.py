@@ -18,7 +18,7 @@ from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.parameters import skill_of
 from skillctl.learning.preprocess import TrainingData, align, embedded, resample, training_data
 from skillctl.learning.select import component_limit, select_components
-from skillctl.learning.shears import BENDING, in_unit, learn_shears, samples_of
+from skillctl.learning.shears import BENDING, learn_shears, samples_of
 from skillctl.learning.solve import solve
 from skillctl.model.coordinates.chain import IDENTITY, Chain
 from skillctl.model.demonstration import DemonstrationSet
@@ -122,7 +122,7 @@ def learned_distance(sets: Sequence[DemonstrationSet], coordinates: Coordinates 
             return Distance(metric)
         shears, _ = learn_shears([_dense(*pair) / unit for pair in aligned])
         bent = [shears.forward(each.reshape(-1, each.shape[-1])).reshape(each.shape) for each in motions]
-        return Distance(_metric(bent, options)[0], Chain((in_unit(shears, unit),)))
+        return Distance(_metric(bent, options)[0], Chain((shears.in_unit(unit),)))
 
 
 def _fit(
@@ -145,8 +145,11 @@ def _fit(
     bound = _bound(metric, data)
     share = rising_share(metric, data.moved.positions)
     results = (*learned[best], *solution.results)
+    skill = skill_of(solution.field, solution.density, data, metric, demonstrations.space)
+    if distance is not None:  # as given, to the last bit: skills that are to be merged must agree
+        skill = replace(skill, coordinates=distance.coordinates)
     return Fit(
-        skill=skill_of(solution.field, solution.density, data, metric, demonstrations.space),
+        skill=skill,
         demonstrations=embedded(aligned),
         objective=solution.objective,
         log_likelihood=solution.log_likelihood,
@@ -196,8 +199,8 @@ def _measured(
             raise UsageError(
                 f"lyapunov: expected {data.dimension} x {data.dimension}, got {distance.lyapunov.shape}."
             )
-        links = [in_unit(link, 1 / data.length_scale) for link in distance.coordinates.links]
-        return [(replace(data, coordinates=Chain(tuple(links))), distance.lyapunov)], [()]
+        coordinates = distance.coordinates.in_unit(1 / data.length_scale)
+        return [(replace(data, coordinates=coordinates), distance.lyapunov)], [()]
     metric, results = _metric([data.positions], options)
     rollouts = options.objective == "reproduction"  # only they show which of two choices is the better
     if not _shears_wanted([data.positions], metric, options.coordinates):

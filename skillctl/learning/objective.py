@@ -200,9 +200,9 @@ class LearningObjective:
 
 
 def reproduction_error(data: TrainingData, field: Field) -> float:
-    """Return the robust mean of squared distances between the demonstrations and motions from their starts."""
+    """Return the robust mean square distance of the demonstrations from motions that start where they do."""
     matching = LearningObjective(data, Weights(displacement=0.0), substeps=2).evaluate(field).matching
-    assert matching is not None
+    assert matching is not None  # there are rollouts
     return matching.cost
 
 

@@ -9,8 +9,6 @@ from skillctl.errors import FitError
 from skillctl.learning.em import VELOCITY_FLOOR, JointMixture
 from skillctl.learning.field import Field, gate_precisions, most_convex_gate, spread_root
 from skillctl.learning.preprocess import TrainingData
-from skillctl.learning.shears import in_unit
-from skillctl.model.coordinates.chain import Chain
 from skillctl.model.mixture import GaussianMixture, quadratic_coefficients, quadratic_features, softmax
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Space
@@ -108,5 +106,5 @@ def skill_of(
         lyapunov=lyapunov,
         density=GaussianMixture(density[0], length * density[1] + data.attractor, length**2 * density[2]),
         space=space,
-        coordinates=Chain(tuple(in_unit(link, length) for link in data.coordinates.links)),
+        coordinates=data.coordinates.in_unit(length),
     )

@@ -55,11 +55,10 @@ class TrainingData:
         if not self.coordinates.links:
             return self
         y, pull = self.coordinates.tangent(self.states)
-        velocities = np.linalg.solve(_inverse(pull, *y.shape), self.velocities.reshape(*y.shape, 1))
         shape = self.positions.shape
-        return replace(
-            self, positions=y.reshape(shape), velocities=velocities.reshape(shape), coordinates=IDENTITY
-        )
+        velocities = np.linalg.solve(_inverse(pull, *y.shape), self.velocities.reshape(*y.shape, 1))
+        velocities = np.asarray(velocities, dtype=np.float64).reshape(shape)
+        return replace(self, positions=y.reshape(shape), velocities=velocities, coordinates=IDENTITY)
 
     @property
     def points(self) -> tuple[FloatArray, FloatArray]:

@@ -42,7 +42,7 @@ def directions(dimension: int) -> FloatArray:
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
     if dimension == 3:
         corners = [np.roll([0.0, 1.0, sign * GOLDEN], shift) for shift in range(3) for sign in (1, -1)]
-        return np.asarray(corners) / np.hypot(1, GOLDEN)
+        return np.asarray(np.stack(corners) / np.hypot(1, GOLDEN))
     return np.eye(dimension)
 
 
@@ -81,17 +81,6 @@ def learn_shears(motions: Sequence[FloatArray], bending: float = BENDING[0]) -> 
 def samples_of(count: int) -> int:
     """Return how many points of each of ``count`` demonstrations the search looks at."""
     return int(np.clip(POINTS // count, 15, 60))
-
-
-def in_unit(shears: Shears, unit: float) -> Shears:
-    """Return x ↦ u φ(x / u): the same map with ``unit`` u of the new lengths to one of the old."""
-    return Shears(
-        shears.linear,
-        shears.directions,
-        unit * shears.firsts,
-        unit * shears.spacings,
-        unit * shears.coefficients,
-    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

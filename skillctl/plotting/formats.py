@@ -28,7 +28,7 @@ def require_format(path: Path) -> str:
         listed = ", ".join(f".{name}" for name in FORMATS)
         raise UsageError(
             f"{printable(str(path))}: the suffix of a picture decides its format; expected one of {listed}.",
-            hint=f"For example: --plot {printable(path.stem or 'skill')}.png",
+            hint=f"For example: {printable(path.stem or 'skill')}.png",
         )
     return form
 

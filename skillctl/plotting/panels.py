@@ -12,7 +12,7 @@ from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
 from skillctl.plotting import style
 from skillctl.plotting.flow import draw_flow, drawn_grid
-from skillctl.plotting.portrait import Portrait
+from skillctl.plotting.portrait import Motion, Portrait
 
 DEVIATIONS = 2.0  # standard deviations an ellipse reaches
 REGION_GRID = 220  # points a side; borders between regions are drawn as smooth as that
@@ -58,7 +58,8 @@ def course(i: int) -> Draw:
             times = demonstration.times - demonstration.times[0]
             axes.plot(times, *portrait.coordinates(demonstration.positions, [i]), **style.DEMONSTRATED)
         for motion in portrait.motions:
-            axes.plot(motion.times, *portrait.coordinates(motion.positions, [i]), **style.MOVED)
+            line = line_of(portrait, motion)
+            axes.plot(motion.times, *portrait.coordinates(motion.positions, [i]), **line)
         for goal in portrait.goals:
             axes.axhline(portrait.scale.factor * goal[i], color=style.INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
         axes.set(xlabel="time [s]", ylabel=label(portrait, i))
@@ -114,10 +115,15 @@ def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int]) -> None:
     for demonstration in portrait.demonstrations:
         draw(demonstration.positions, style.DEMONSTRATED)
     for motion in portrait.motions:
-        draw(motion.positions, style.MOVED)
+        draw(motion.positions, line_of(portrait, motion))
     for colour, starts in starts_of(portrait):
         draw(starts, {**style.STARTED, "mfc": colour})
     draw(portrait.goals, style.GOAL)
+
+
+def line_of(portrait: Portrait, motion: Motion) -> style.Line:
+    """Return how a motion looks: of a combined skill, in the colour of the part that acted at its end."""
+    return style.moved_by(motion.part) if len(portrait.skill.acting_parts) > 1 else style.MOVED
 
 
 def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:

@@ -201,7 +201,8 @@ def _draw_marks(
         if radius is not None:
             x, y = portrait.coordinates(part.attractor, pair)
             size = portrait.scale.factor * radius
-            axes.add_patch(Circle((x, y), size, fc="none", ec="white", lw=1.4, zorder=6))
+            look: style.Line = {"fc": "none", "ec": "white", "lw": 1.0, "path_effects": style.OUTLINED}
+            axes.add_patch(Circle((x, y), size, zorder=6, **look))
     if lost is not None:
         axes.plot(*portrait.coordinates(lost.positions, pair), **style.LOST)
         start = portrait.coordinates(lost.positions[0], pair)

@@ -102,17 +102,23 @@ def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
             words = f"widest: {fastest} {only.scale.unit}/s"
         handles[f"field; {words}"] = style.entries("field")["field"]
     for portrait in portraits:
-        if len(portrait.skill.acting_parts) > 1 and dimension in (2, 3):
-            chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
-            what = chosen if dimension == 2 else "density of part"
-            for index in range(len(portrait.skill.acting_parts)):
-                colour = style.part_colour(index)
-                handles[f"{what} {index + 1}"] = Patch(
-                    facecolor=style.to_tint(colour, 0.35), edgecolor=colour
-                )
+        if len(portrait.skill.acting_parts) > 1:
+            handles["motion of the skill"].set_color(style.INK)  # the colours tell the parts
             if len(portraits) == 1:
-                handles.pop("position density, 2σ")
+                handles.pop("position density, 2σ", None)
+            handles |= _parts(portrait)
     return handles
+
+
+def _parts(portrait: Portrait) -> dict[str, Any]:
+    """Return the entries of the parts of a combined skill."""
+    chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
+    what = {2: chosen, 3: "density of part"}.get(portrait.skill.dimension, "part")
+    colours = map(style.part_colour, range(len(portrait.skill.acting_parts)))
+    return {
+        f"{what} {number}": Patch(facecolor=style.to_tint(colour, 0.35), edgecolor=colour)
+        for number, colour in enumerate(colours, start=1)
+    }
 
 
 def _plane(portrait: Portrait) -> Figure:
@@ -144,7 +150,7 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
     draw_paths(axes, portrait, (0, 1, 2))
     low, high = portrait.scale.factor * portrait.low, portrait.scale.factor * portrait.high
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(tuple((high - low).tolist()), zoom=1.05)
+    axes.set_box_aspect(tuple((high - low).tolist()), zoom=0.95)
     axes.view_init(elev=22, azim=-60)
     axes.set_title("in perspective")
     for i, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
@@ -156,7 +162,7 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
     # The label is at the upper end of the axis, because beside it it would leave the figure.
     axes.zaxis.set_label_text("")
     top = high[2] + 0.05 * (high[2] - low[2])
-    axes.text(high[0], high[1], top, label(portrait, 2), fontsize=8, ha="center")
+    axes.text(high[0], high[1], top, label(portrait, 2), fontsize=8, ha="right")
 
 
 def _courses(portrait: Portrait) -> Figure:

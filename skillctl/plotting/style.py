@@ -10,10 +10,11 @@ from typing import Any, TypeAlias
 
 import matplotlib
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from skillctl.errors import printable
@@ -26,7 +27,11 @@ Line: TypeAlias = "dict[str, Any]"  # how a line looks, as Matplotlib's keywords
 DEMONSTRATION, MOTION, LEFT_OUT, WITNESS = "#D55E00", "#0072B2", "#8E4B7B", "#D55E00"
 GROWING = "#F4B79B"  # where V grows
 FLOW, QUIET, INK, DENSITY = "#B4B4B4", "#8C8C8C", "#1A1A1A", "#00785A"
-PARTS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#777777")
+PARTS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#8C6D31", "#0072B2", "#D55E00", "#777777")
+
+DARKER = 0.7  # share of a part's colour that its motions keep
+
+OUTLINED = [withStroke(linewidth=1.7, foreground=INK)]  # white lines are lost on yellow
 
 DEMONSTRATED: Line = {"color": DEMONSTRATION, "lw": 1.3, "ls": (0, (4, 1.6)), "zorder": 4.0}
 MOVED: Line = {"color": MOTION, "lw": 1.2, "ls": "-", "zorder": 5.0}
@@ -36,8 +41,8 @@ STARTED: Line = {
 }  # fmt: skip
 GOAL: Line = {"ls": "", "marker": "*", "ms": 11, "mfc": INK, "mec": "white", "mew": 0.7, "zorder": 7.0}
 LOST: Line = {"color": WITNESS, "lw": 1.8, "zorder": 7.5}
-LOWEST: Line = {"ls": "", "marker": "D", "ms": 5, "mfc": "none", "mec": "white", "mew": 1.3, "zorder": 8.0}
-FAINT: Line = {"color": "white", "lw": 0.6, "alpha": 0.7, "zorder": 4.0}
+LOWEST: Line = {"ls": "", "marker": "D", "ms": 5, "mfc": "white", "mec": INK, "mew": 1.0, "zorder": 8.0}
+FAINT: Line = {"color": "white", "lw": 0.7, "zorder": 4.0, "path_effects": OUTLINED}
 PROVED: Line = {"color": INK, "lw": 1.4, "ls": (0, (5, 2)), "zorder": 4.0}
 
 DPI = 150
@@ -119,7 +124,7 @@ def entries(*wanted: str) -> dict[str, Any]:
         "learned without that demonstration": Line2D([], [], **HELD),
         "witness: reaches no attractor": Line2D([], [], **LOST),
         "proved: no motion is slower": Line2D([], [], **PROVED),
-        "lowest decay rate": Line2D([], [], **{**LOWEST, "mec": QUIET}),
+        "lowest decay rate": Line2D([], [], **LOWEST),
         "proved radius": Line2D([], [], ls="", marker="o", ms=9, mfc="none", mec=QUIET, mew=1.4),
         "field": Line2D([], [], color=FLOW, lw=1.6),
         "level of V": Line2D([], [], color=QUIET, lw=0.8, ls=":"),
@@ -130,6 +135,12 @@ def entries(*wanted: str) -> dict[str, Any]:
 def part_colour(index: int) -> str:
     """Return the colour of a part of a combined skill."""
     return PARTS[index % len(PARTS)]
+
+
+def moved_by(index: int) -> Line:
+    """Return how the motion of a part of a combined skill looks: in its colour, darker than its tints."""
+    red, green, blue = to_rgb(part_colour(index))
+    return {**MOVED, "color": (DARKER * red, DARKER * green, DARKER * blue)}
 
 
 def to_tint(colour: str, alpha: float) -> tuple[float, float, float, float]:

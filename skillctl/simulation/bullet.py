@@ -28,8 +28,8 @@ def load_bullet() -> Any:
         )
         raise NotFoundError(
             f"PyBullet {reason}; only 'simulate' needs it.",
-            hint="Use Python 3.10 or 3.11 on Linux x86_64, where it is installed with skillctl, or build it "
-            "in your clone of skillctl: pip install '.[sim]' (needs a C++ compiler and some minutes).",
+            hint="Install it: pip install pybullet. Wheels are for Python 3.10 and 3.11 on Linux x86_64; "
+            "elsewhere this builds it, which needs a C++ compiler and some minutes.",
         ) from error
     return pybullet
 

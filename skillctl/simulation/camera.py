@@ -35,6 +35,18 @@ class View:
     depths: FloatArray
     surface: IntArray
 
+    def through(self, body: int, behind: View, opacity: float) -> View:
+        """Return the picture with a body translucent; ``behind`` is the same one without it.
+
+        Args:
+            body: Bullet's number of it.
+            behind: What lies behind it.
+            opacity: Of the body, from 0 to 1.
+        """
+        share = opacity * (self.surface == body)[:, :, None]
+        colours = share * self.colours + (1 - share) * behind.colours
+        return replace(behind, colours=np.rint(colours).astype(np.uint8))
+
 
 class Camera:
     """A camera with a fixed direction, as near as it can be with all given points in the picture."""

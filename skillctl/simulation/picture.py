@@ -53,6 +53,7 @@ DIRECTIONS: dict[Plane | None, tuple[float, float, float]] = {
     "yz": (1.4, -0.45, 0.40),
 }
 SCENE_DIRECTION = (-0.40, -1.3, 0.75)  # past the arm, onto the boards
+ARM_OPACITY = 0.6  # in the overview, where it hides no motion
 OVERVIEW_DIRECTION = (-0.85, -1.00, 1.45)  # from above, because there are many cups
 
 
@@ -222,7 +223,10 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
         points = np.vstack([motion, near, stage.arm_extent()])
         towards = _direction(first.plane, first.base_yaw) if scene is None else np.array(OVERVIEW_DIRECTION)
         camera = Camera(points, towards, *(round(SHARPNESS * length) for length in OVERVIEW))
-        canvas = Canvas(under_sky(camera.render(stage), stage.floor), camera, OVERVIEW)
+        view = camera.render(stage)
+        with stage.without_arm():
+            view = view.through(stage.body, camera.render(stage), ARM_OPACITY)
+        canvas = Canvas(under_sky(view, stage.floor), camera, OVERVIEW)
     for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
     for row, trace in visible:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,6 +24,7 @@ FLOOR: Tint = (0.90, 0.91, 0.93, 1.0)
 WOOD: Tint = (0.88, 0.76, 0.58, 1.0)
 PANEL: Tint = (0.91, 0.89, 0.85, 1.0)
 STONE: Tint = (0.66, 0.70, 0.76, 1.0)
+OUT_OF_SIGHT = (0.0, 0.0, -100.0)  # [m]: below the floor, and behind the far end of every camera
 POST = 0.04  # [m]
 CUP_COLOUR: Tint = (0.22, 0.42, 0.72, 1.0)
 CUP_SIDES = 40
@@ -67,6 +69,14 @@ class Stage(ArmBody):
         self.pose(joints)
         for (joint, _), place in zip(self.model.fingers, fingers.tolist(), strict=False):
             self.bullet.resetJointState(self.body, joint, place)
+
+    @contextmanager
+    def without_arm(self) -> Iterator[None]:
+        """Have the arm out of sight."""
+        place, turn = self.bullet.getBasePositionAndOrientation(self.body)
+        self.bullet.resetBasePositionAndOrientation(self.body, OUT_OF_SIGHT, turn)
+        yield
+        self.bullet.resetBasePositionAndOrientation(self.body, place, turn)
 
     def arm_extent(self) -> FloatArray:
         """Return points (m, 3) around the arm in its present posture."""

@@ -157,6 +157,6 @@ def _load_av() -> Any:
     except ImportError as error:
         raise NotFoundError(
             "PyAV is not installed; only .mp4 videos need it.",
-            hint="In your clone of skillctl: pip install '.[video]'; or write a .gif.",
+            hint="Install it (pip install av), or write a .gif.",
         ) from error
     return av

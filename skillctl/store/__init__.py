@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skillctl.store.artifact import Artifact, contents_of, metadata_of
     from skillctl.store.files import write_changed, write_file
+    from skillctl.store.locating import existing_store, locate_store, require_outside_store
     from skillctl.store.lockfile import (
         Lock,
         LockedSkill,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from skillctl.store.provenance import current_provenance, input_fingerprint, input_record
     from skillctl.store.reader import decode, digest_of, read_skill
     from skillctl.store.references import Reference, parse_reference
-    from skillctl.store.registry import Located, Registry, StoredVersion, locate, locate_store
+    from skillctl.store.registry import Located, Registry, StoredVersion, locate
     from skillctl.store.schema import (
         DemonstrationReport,
         InputRecord,
@@ -56,10 +57,11 @@ _HOMES = {
         "artifact": "Artifact contents_of metadata_of",
         "files": "write_changed write_file",
         "lockfile": "Lock LockedSkill is_lock locate_again locate_lock lock_text locked_skill read_lock",
+        "locating": "existing_store locate_store require_outside_store",
         "provenance": "current_provenance input_fingerprint input_record",
         "reader": "decode digest_of read_skill",
         "references": "Reference parse_reference",
-        "registry": "Located Registry StoredVersion locate locate_store",
+        "registry": "Located Registry StoredVersion locate",
         "schema": "DemonstrationReport InputRecord Operation ParentRecord Provenance metadata_schema",
         "seal": "Header read_header",
         "signing": "Signature add_signature make_signature read_private_key read_public_key read_signatures "

@@ -97,7 +97,7 @@ class UnsafeStoreError(RefusedFileError):
     """A store with a symbolic link where a directory belongs: following it could write anywhere."""
 
     sentence = "{name} is {reason}; skillctl follows no links inside a store."
-    advice = "Name the directory it points to with --store or SKILLCTL_STORE, or replace the link."
+    advice = "Put the directory itself in the place of the link, or name its own store with --store."
 
 
 class NotLockedError(ArtifactError):

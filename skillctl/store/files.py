@@ -14,6 +14,7 @@ from pathlib import Path
 
 from skillctl.errors import NotFoundError, StoreError, did_you_mean, printable
 from skillctl.store.errors import NotAnArtifactError, RefusedFileError
+from skillctl.store.locating import is_version_file, require_outside_store
 
 MAX_FILE_BYTES = 64 << 20  # no artifact is larger
 STALE_SECONDS = 3600.0  # a temporary file this old belongs to a process that died
@@ -113,9 +114,12 @@ def write_file(path: Path, data: bytes) -> None:
     """Make ``path`` a file with these bytes: afterwards it is old or new, whole, with nothing beside it.
 
     Raises:
+        UsageError: A version of a store.
         StoreError: Not a place for a file, no permission, no space.
     """
     path = Path(path)
+    if is_version_file(path.name):
+        require_outside_store(path)
     with system_errors(f"write {path}"):
         if path.exists() and not path.is_file():  # replacing /dev/null would break the machine
             raise StoreError(

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from skillctl.store.errors import UnsafeStoreError
 from skillctl.store.files import MAX_FILE_BYTES, read_beginning, read_once, sweep, write_file
+from skillctl.store.locating import FILE_MODE
 
-FILE_MODE = 0o444  # a version never changes
 TEMPORARY_PREFIX = ".publishing-"
 
 _OPEN_DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC

@@ -13,8 +13,9 @@ from typing import Any
 from skillctl.errors import NotFoundError, UsageError, printable
 from skillctl.store.errors import InvalidLockError, NotAnArtifactError, NotLockedError
 from skillctl.store.files import read_once, refused_as
+from skillctl.store.locating import locate_store, upwards
 from skillctl.store.references import is_name, is_version, parse_reference
-from skillctl.store.registry import Located, Registry, existing_file, locate, locate_store, upwards
+from skillctl.store.registry import Located, Registry, existing_file, locate
 from skillctl.toml_files import parse_toml, toml_lines
 
 LOCK_VARIABLE = "SKILLCTL_LOCK"
@@ -94,7 +95,7 @@ class Lock:
             other = "" if reference == located.shown else f"{reference} is {located.shown}, and "
             raise NotLockedError(
                 f"{other}{self.path} names {_listed(same)}{'' if other else f', not {located.shown}'}.",
-                hint=f"`skillctl lock {reference} …` locks that version.",
+                hint=f"`skillctl lock {reference} …`, with all others that are used, locks that version.",
             )
         return located
 
@@ -122,7 +123,7 @@ class Lock:
     def _unnamed(self, what: str) -> NotLockedError:
         return NotLockedError(
             f"{self.path} does not name {what}.",
-            hint="`skillctl lock SKILL…` writes a lock that does; without --locked any skill may be used.",
+            hint="`skillctl lock SKILL…`, with all skills that are to be used, writes one that does.",
         )
 
 

@@ -13,11 +13,10 @@ from skillctl.store.backend import Backend
 from skillctl.store.files import missing_file, system_errors
 from skillctl.store.folder import Folder, require_alias, what_there_is
 from skillctl.store.local import LocalBackend
+from skillctl.store.locating import existing_store
 from skillctl.store.references import Reference, is_name, parse_reference, require_name
 from skillctl.store.seal import Header
 
-STORE_VARIABLE = "SKILLCTL_STORE"
-STORE_NAME = "skills"
 PUBLISHED: list[str] = []  # by this process, so that a later interrupt can say so
 
 
@@ -269,26 +268,4 @@ def locate(reference: str | Path, store: str | Path | None = None) -> Located:
     parsed = parse_reference(reference)
     if isinstance(parsed, Path):
         return existing_file(parsed)
-    return Registry(locate_store(store)).locate(parsed)
-
-
-def locate_store(explicit: str | Path | None = None) -> Path:
-    """Return the directory of the store.
-
-    The one given; else ``SKILLCTL_STORE``; else the nearest directory ``skills`` from the working directory
-    upwards; else the one in the user's data folder. A link is followed where the user names it.
-    """
-    named = explicit or os.environ.get(STORE_VARIABLE)
-    if named:
-        return Path(named).resolve()
-    for place in upwards(STORE_NAME):
-        if place.is_dir():
-            return place
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data) / "skillctl" / STORE_NAME
-
-
-def upwards(name: str) -> list[Path]:
-    """Return where a file of that name may lie, from the working directory upwards."""
-    here = Path.cwd()
-    return [directory / name for directory in (here, *here.parents)]
+    return Registry(existing_store(store)).locate(parsed)

@@ -256,5 +256,5 @@ def _cryptography() -> _Cryptography:
     except ImportError as error:
         raise NotFoundError(
             "the package cryptography is not installed; only signatures need it.",
-            hint="In your clone of skillctl: pip install '.[sign]'",
+            hint="Install it: pip install cryptography",
         ) from error

@@ -206,7 +206,7 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) 
     try:
         density = GaussianMixture(*(arrays[f"model/density_{name}"][density_rows] for name in DENSITY_ARRAYS))
         return SedsSkill(
-            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},  # type: ignore[arg-type]
+            **{name: arrays[f"model/{name}"][rows] for name in COMPONENT_ARRAYS},
             attractor=arrays["model/attractors"][node.leaf],
             lyapunov=arrays["model/lyapunov"][node.leaf],
             density=density,

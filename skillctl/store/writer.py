@@ -21,7 +21,7 @@ from skillctl.store.seal import SEAL_BYTES, seal
 from skillctl.store.tree import node_of
 
 _FEW_DIGITS = 0.1234567890123456  # most floats have one more, and errors begin with zeros
-TOO_LARGE = "Keep fewer demonstrations in it, or use fewer components."
+TOO_LARGE = "Learn it, or its parts, from fewer demonstrations (--demos) or with fewer --components."
 
 
 def encode(artifact: Artifact) -> bytes:

@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, UsageError, printable, require_directory
-from skillctl.store import Artifact, Located, Registry, encode, locate_store, read_skill, write_changed
+from skillctl.store import (
+    Artifact,
+    Located,
+    Registry,
+    encode,
+    locate_store,
+    read_skill,
+    require_outside_store,
+    write_changed,
+)
 from skillctl.store.errors import LaterFeatureError, NotAnArtifactError, TooNewFormatError
 from skillctl.store.schema import MAX_TEXT
 
@@ -68,8 +77,8 @@ class Destination:
         """Return the skill that is there now, or None; a damaged file counts as none.
 
         Raises:
-            UsageError: No skill can have this name; or the file must not be overwritten, because it is not a
-                skill, or one that only a later skillctl can use.
+            UsageError: No skill can have this name; or the file must not be written: it would be among the
+                versions of a store, or what is there is no skill, or one that only a later skillctl can use.
             StoreError: The file's directory does not exist.
         """
         located = self._located()
@@ -83,7 +92,7 @@ class Destination:
             if self.file is None:  # the store gets one more version, and nothing is overwritten
                 return None
             raise _kept(
-                located.path, "is a skill that only a later skillctl can use", "Upgrade skillctl, give"
+                located.path, "is a skill that only a later skillctl can use", "Upgrade skillctl, or give"
             ) from error
         except ArtifactError:
             return None
@@ -112,6 +121,7 @@ class Destination:
             registry = Registry(locate_store(self.store))
             versions = registry.versions(place)
             return registry.locate(f"{place}@{versions[-1]}") if versions else None
+        require_outside_store(place, self.store)
         require_directory(place)
         return Located(place) if place.exists() else None
 
@@ -119,5 +129,5 @@ class Destination:
 def _kept(path: Path, what: str, first: str = "Give") -> UsageError:
     return UsageError(
         f"{printable(str(path))} exists and {what}; it will not be overwritten.",
-        hint=f"{first} another name after -o, or remove the file.",
+        hint=f"{first} another name after -o.",
     )

@@ -37,12 +37,18 @@ def save(skill: Skill, path: str | Path) -> Path:
         The path.
 
     Raises:
-        UsageError: A path that ``load`` would take for a name in the store.
+        UsageError: A path that ``load`` would take for a name in the store, or one among a store's versions.
         StoreError: The file cannot be written.
     """
-    from skillctl.store import current_provenance, encode, write_file  # late: reading needs none of them
+    from skillctl.store import (
+        current_provenance,
+        encode,
+        require_outside_store,
+        write_file,
+    )  # late: reading needs none of them
 
     file = require_file_name(path)
+    require_outside_store(file)
     artifact = Artifact(skill, (None,) * len(skill.leaves), Operation(command="python"), current_provenance())
     write_file(file, encode(artifact))
     return file

@@ -8,7 +8,16 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from skillctl.errors import ArtifactError, NotFoundError, SkillctlError, StoreError
-from skillctl.store import Located, Lock, ParentRecord, Registry, locate_store, read_header, read_skill
+from skillctl.store import (
+    Located,
+    Lock,
+    ParentRecord,
+    Registry,
+    existing_store,
+    locate_store,
+    read_header,
+    read_skill,
+)
 from skillctl.store.folder import by_version
 from skillctl.store.source import Source, open_skill
 
@@ -60,7 +69,7 @@ def log(name: str, *, limit: int | None = None, store: Path | None = None) -> Lo
         NotFoundError: There is no such skill.
         InvalidRefsError: Its aliases cannot be read.
     """
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     versions = registry.versions(name)
     if not versions:
         registry.locate(name)  # raises, and says what there is instead

@@ -11,11 +11,11 @@ from skillctl.store import (
     Located,
     LockedSkill,
     Registry,
+    existing_store,
     is_lock,
     locate,
     locate_again,
     locate_lock,
-    locate_store,
     lock_text,
     locked_skill,
     read_lock,
@@ -102,13 +102,13 @@ def _current(path: Path, *, wanted: bool, needed: bool) -> tuple[LockedSkill, ..
         if not is_lock(path):
             raise UsageError(
                 f"{printable(str(path))} exists and is not a lock; it will not be overwritten.",
-                hint="Give another name after --file, or remove it.",
+                hint="Give another name after --file.",
             ) from error
         return ()
 
 
 def _all(store: Path | None) -> tuple[str, ...]:
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     names = registry.names()
     if not names:
         raise UsageError(

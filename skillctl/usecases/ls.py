@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.errors import ArtifactError, NotFoundError, StoreError
-from skillctl.store import Registry, locate_store
+from skillctl.store import Registry, existing_store
 from skillctl.store.folder import by_version
 
 
@@ -79,7 +79,7 @@ def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: 
         NotFoundError: There is no skill of a name.
         StoreError: The directory cannot be read.
     """
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     for name in names:
         registry.locate(name)
     return StoreReport(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillctl.errors import UsageError, printable
-from skillctl.store import Reference, Registry, locate_store, parse_reference
+from skillctl.store import Reference, Registry, existing_store, parse_reference
 from skillctl.store.folder import by_version
 
 
@@ -66,7 +66,7 @@ def tag(reference: str, alias: str, *, store: Path | None = None) -> TagReport:
         NotFoundError: There is no such skill or version.
         InvalidRefsError: The skill's aliases cannot be read.
     """
-    registry, parsed = Registry(locate_store(store)), _in_store(reference)
+    registry, parsed = Registry(existing_store(store)), _in_store(reference)
     version = registry.version_of(parsed)
     before = registry.tag(parsed.name, version, alias)
     named = None if before is None else f"{parsed.name}@{before}"
@@ -80,7 +80,7 @@ def untag(name: str, alias: str, *, store: Path | None = None) -> TagReport:
         NotFoundError: There is no such skill or alias.
         InvalidRefsError: The skill's aliases cannot be read.
     """
-    version = Registry(locate_store(store)).untag(name, alias)
+    version = Registry(existing_store(store)).untag(name, alias)
     return TagReport(f"{name}@{version}", alias, f"{name}@{version}")
 
 
@@ -105,19 +105,18 @@ def remove(
         UsageError: A name without a version, a file, or a version that has an alias.
         NotFoundError: There is no such version; nothing is removed.
     """
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     doomed: dict[str, set[int]] = {}
     for reference in references:
         parsed = _in_store(reference)
-        name = parsed.name
+        name, version = parsed.name, registry.version_of(parsed)
         if all_versions != ("@" not in reference):
             raise UsageError(
                 f"{reference}: with --all, give names without a version."
                 if all_versions
                 else f"{reference} does not say which version.",
-                hint=f"Write {name}@3, or --all {name} for every version.",
+                hint=f"Write {name}@{version}, or --all {name} for every version.",
             )
-        version = registry.version_of(parsed)
         doomed.setdefault(name, set()).update(registry.versions(name) if all_versions else {version})
     for name, numbers in () if force else doomed.items():
         for alias, version in registry.aliases(name).items():
@@ -155,7 +154,7 @@ def collect(
             f"--keep-last {keep_last}: at least the newest version is kept.",
             hint="`skillctl rm --all NAME` removes a skill altogether.",
         )
-    registry = Registry(locate_store(store))
+    registry = Registry(existing_store(store))
     for name in names:
         registry.locate(name)
     doomed: dict[str, set[int]] = {}

@@ -123,7 +123,7 @@ def _connected(scheduler: str) -> Iterator[Any]:
     except ImportError as error:
         raise NotFoundError(
             "Dask is not installed; only --backend dask needs it.",
-            hint="In your clone of skillctl: pip install '.[cluster]'",
+            hint="Install it: pip install distributed",
         ) from error
     logger = logging.getLogger("distributed")
     level = logger.level

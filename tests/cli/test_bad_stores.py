@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -96,3 +97,53 @@ def test_under_a_limit_on_the_size_of_files_nothing_changes(registry):
         assert "File too large" in limited.stderr
         assert "\nhint: The limit on file sizes" in limited.stderr
     assert files_of(registry) == before
+
+
+@pytest.mark.parametrize(
+    "command", ["ls", "ls curve", "log curve", "gc --keep-last 1", "lock", "tag curve@1 best"]
+)
+def test_a_store_that_is_not_there_is_said(run, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    refused = run(*command.split(), "--store", "typo")
+    assert (refused.exit_code, refused.stdout) == (4, "")
+    assert (
+        f"error: {tmp_path / 'typo'}: there is no such store.\nhint: Check the path in --store"
+        in refused.stderr
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("options", [[], ["--force"], ["--if-changed"]])
+def test_no_command_writes_over_a_version(run, library, tmp_path, options):
+    registry = store.Registry(tmp_path / "kept")
+    path = registry.publish("both", (library / "hook" / "1.h5").read_bytes()).path
+    make = ["combine", "curve", "hook", "--store", library, "-o", path, *options]
+    refused = run(*make)
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert (
+        f"hint: Write it elsewhere, or publish the next version: --name both --store {registry.root}."
+        in refused.stderr
+    )
+    assert path.read_bytes() == (library / "hook" / "1.h5").read_bytes()
+    published = run(
+        "combine", "curve", "hook", "--store", library, "-o", tmp_path / "both.h5", "--depfile", path
+    )
+    assert published.exit_code == 2
+    assert path.read_bytes() == (library / "hook" / "1.h5").read_bytes()
+
+
+def test_what_a_hint_names_can_be_typed(run, library, tmp_path, monkeypatch):
+    """Hints give the version that was meant, and a place with as many coordinates as the skill has."""
+    registry = store.Registry(tmp_path / "kept")
+    registry.publish("hook", (library / "hook" / "1.h5").read_bytes())
+    refused = run("rm", "hook", "--store", registry.root)
+    (hint,) = re.findall("hint: Write (.*), or --all (.*) for every version", refused.stderr)
+    assert hint == ("hook@1", "hook")
+    refused = run("inspect", "hook", "--store", registry.root, "--at", "1,2,3")
+    (place,) = re.findall("hint: Separate them by commas, as in (--at .*)[.]$", refused.stderr, re.MULTILINE)
+    assert run("inspect", "hook", "--store", registry.root, *place.split()).exit_code == 0
+    assert run("rm", hint[0], "--store", registry.root).exit_code == 0
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "a.npz").touch()
+    refused = run("learn", tmp_path / "data", "-o", tmp_path / "a.h5")
+    assert f"hint: Name its files: {tmp_path / 'data'}/*.npz" in refused.stderr

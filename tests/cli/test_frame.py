@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from skillctl.cli.output import Output
 
 def test_version_is_one_line(shell):
     result = shell("--version")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "skillctl 0.1.0\n", "")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "skillctl 0.2.0.dev0\n", "")
 
 
 def test_no_command_shows_the_help_on_standard_error(shell):
@@ -35,6 +36,16 @@ def test_every_help_has_an_example_that_names_the_command(run, name):
     assert (result.exit_code, result.stderr) == (0, "")
     assert f"Example:\n    skillctl {name}" in result.stdout
     assert "--json" in result.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_line_of_an_example_is_broken_at_80_columns(run, name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERMINAL_WIDTH", "80")
+    lines = run(name, "--help").stdout.split("\n")
+    first = next(i for i, line in enumerate(lines) if line.strip().startswith("Example"))
+    assert max(map(len, lines)) <= 80
+    assert all(line.startswith("  ") for line in lines[first:] if line.strip())
 
 
 def test_the_main_help_has_an_example(run):
@@ -209,6 +220,29 @@ def test_a_closed_standard_output_is_an_error(tmp_path):
     assert "standard output is closed" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("verify-stability none.h5 --json", 4),
+        ("verify-stability none.h5", 4),
+        ("learn none.csv -o a.h5 --debug", 4),
+        ("learn motion.csv -o a.h5 --verbose --preset fast", 0),
+        ("--bogus", 2),
+        ("ls --store .", 0),
+    ],
+)
+@pytest.mark.parametrize("closed", ["2>&-", "2>&- <&-"])
+def test_a_closed_standard_error_changes_nothing_else(tmp_path, curve_files, command, code, closed):
+    shutil.copy(curve_files[0], tmp_path / "motion.csv")
+    heard = ["bash", "-c", f"{sys.executable} -m skillctl {command} 2>/dev/null"]
+    result = subprocess.run(heard, cwd=tmp_path, capture_output=True, check=False)
+    assert result.returncode == code
+    (tmp_path / "a.h5").unlink(missing_ok=True)
+    unheard = ["bash", "-c", f"{sys.executable} -m skillctl {command} {closed}"]
+    again = subprocess.run(unheard, cwd=tmp_path, capture_output=True, check=False)
+    assert (again.returncode, again.stdout) == (code, result.stdout)
+
+
 def test_common_options_work_before_and_after_the_command(run, tmp_path):
     before = run("--json", "ls", "--store", tmp_path)
     after = run("ls", "--store", tmp_path, "--json")
@@ -231,6 +265,21 @@ def test_warnings_are_for_everyone_but_readers_of_json_who_find_them_in_the_docu
     assert capsys.readouterr().err == ""
     Output(quiet=True).warning("hello")
     assert capsys.readouterr().err == "warning: hello\n"
+
+
+def test_a_command_that_is_announced_can_be_pasted(monkeypatch, capsys):
+    command = "skillctl merge bottom-right top-centre --target 0.63,-0.28,0.76 --name top-right"
+    Output().announce(command)
+    assert capsys.readouterr().err == f"$ {command}\n"
+    monkeypatch.setattr("skillctl.cli.output.is_terminal", lambda _: True)
+    monkeypatch.setenv("COLUMNS", "40")
+    Output().announce(command)
+    lines = capsys.readouterr().err.removeprefix("$ ").splitlines()
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= 40
+    typed = ["bash", "-c", "skillctl() { printf '%s\n' skillctl \"$@\"; }\n" + "\n".join(lines)]
+    heard = subprocess.run(typed, capture_output=True, text=True, check=True)
+    assert heard.stdout.split() == command.split()
 
 
 @pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {"CI": "true", "TERM": "xterm"}])

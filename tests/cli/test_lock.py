@@ -191,7 +191,7 @@ def test_what_is_not_a_lock_is_neither_believed_nor_overwritten(run, registry, t
         (["lock", "none.h5"], 4),
         (["lock", "../x"], 4),
         (["lock", "Reach"], 2),
-        (["lock", "--store", "empty"], 2),
+        (["lock", "--store", "empty"], 4),
         (["lock", "curve", "--file", "no/where.lock"], 8),
         (["lock", "curve", "--file", "skills"], 2),
     ],

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from skillctl.cli import render, words
 from skillctl.errors import ArtifactError
@@ -85,3 +86,38 @@ def test_proved_numbers_are_rounded_to_the_safe_side():
     rate, period, frequency = words.rate_and_period(0.012399, 0.0012399)
     assert (rate, period) == ("0.0123 1/s", "0.00123 s")
     assert frequency == "807 Hz"  # 1 / 0.0012399 = 806.5: a slower controller has no proof
+
+
+WIDE = render.Table(
+    ("skill", "verdict", "scope", "rate", "period", "controller ≥", "components", "digest"),
+    (
+        ("bottom-left@1", "stable", "global", "0.0887 1/s", "0.116 s", "8.62 Hz", "7", "3d06ed542de0"),
+        ("  part 1", "stable", "", "0.0887 1/s", "0.133 s", "7.51 Hz", "7", ""),
+    ),
+)
+DIGEST = f"sha256:{64 * '7'}"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_no_word_and_no_short_cell_is_broken_on_a_narrow_terminal(width):
+    facts = render.Facts((("controller period", "up to 0.133 s (7.51 Hz or faster)"), ("digest", DIGEST)))
+    long = render.Table(("name", "why"), (("curve", "a sentence of so many words that it takes lines " * 2),))
+    shown = render.to_terminal([WIDE, facts, long], coloured=False, width=width)
+    lines = shown.split("\n")
+    assert max(map(len, lines)) <= width
+    for cell in (*WIDE.headings, *(cell.strip() for row in WIDE.rows for cell in row)):
+        assert any(cell in line for line in lines)
+    for word in ("controller period", "up to 0.133 s", *long.rows[0][1].split()):
+        assert any(word in line for line in lines)
+    assert (DIGEST in lines or f"  {DIGEST}" in lines or f"digest             {DIGEST}" in lines) == (
+        width > 73
+    )
+    tables = shown.split("\n\n")
+    assert all(table.startswith("skill") and "bottom-left@1" in table for table in tables[:-2])
+    assert len(tables) == {40: 4, 60: 2, 80: 2, 120: 1}[width] + 2
+
+
+def test_wide_letters_take_two_columns():
+    table = render.Table(("名", *"abc"), (("名" * 12, *("名" * 10,) * 3),))
+    shown = render.to_terminal([table], coloured=False, width=80)
+    assert shown.count("名" * 10) == 5  # four cells in two tables, the first of them in both

@@ -37,6 +37,9 @@ class Bend(Link):
         slope = -self.strength * np.sin(offsets[:, 0])
         return self.forward(offsets), lambda v: np.stack([v[:, 0], v[:, 1] - slope * v[:, 0]], axis=1)
 
+    def in_unit(self, unit):
+        raise NotImplementedError
+
     def check(self):
         return () if np.isfinite(self.strength) else ("the bend is not finite.",)
 

@@ -166,6 +166,9 @@ def test_with_coordinates_that_know_no_bounds_nothing_is_claimed(make_skill):
         def tangent(self, offsets):
             return -offsets, lambda velocities: -velocities
 
+        def in_unit(self, unit):
+            return self
+
         def check(self):
             return ()
 

@@ -54,6 +54,9 @@ def test_only_shears_can_be_stored(wrap, make_seds):
         def tangent(self, offsets):
             return 2 * offsets, lambda velocities: velocities / 2
 
+        def in_unit(self, unit):
+            return self
+
         def check(self):
             return ()
 

@@ -16,6 +16,7 @@ from skillctl.store import (
     folder,
     layout,
     local,
+    locating,
     migrations,
     references,
     schema,
@@ -88,7 +89,7 @@ def test_the_store_is_described_as_it_is():
     section = PAGE[PAGE.index("## 6.") : PAGE.index("## 7.")]
     assert f"`{local.TEMPORARY_PREFIX}`" in section
     assert f"`.{folder.REFS_FILE}.`" in section
-    assert f"mode 0{local.FILE_MODE:o}" in section
+    assert f"mode 0{locating.FILE_MODE:o}" in section
     assert files.STALE_SECONDS == 3600
     assert "older than an hour" in section
     assert f"`<version>.h5{folder.SIGNATURE_SUFFIX}`" in section

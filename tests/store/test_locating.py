@@ -79,10 +79,14 @@ def test_what_is_not_there_is_not_found(filled, reference, cause, hint):
     assert hint in caught.value.hint
 
 
-def test_a_store_that_does_not_exist_holds_nothing(tmp_path):
+def test_in_a_store_that_does_not_exist_yet_there_is_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir("/")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     with pytest.raises(NotFoundError, match="has no skill reach") as caught:
-        store.locate("reach", tmp_path / "nowhere")
+        store.locate("reach")
     assert "skillctl learn" in caught.value.hint
+    with pytest.raises(NotFoundError, match="nowhere: there is no such store"):
+        store.locate("reach", tmp_path / "nowhere")
 
 
 def test_a_file_that_looks_like_a_name_is_pointed_out(filled, tmp_path, monkeypatch):
@@ -127,3 +131,63 @@ def test_a_link_to_a_store_is_followed_where_the_user_names_it(tmp_path):
     (target := tmp_path / "target").mkdir()
     (link := tmp_path / "link").symlink_to(target)
     assert store.locate_store(link) == target
+
+
+# What a store keeps
+
+
+def test_a_store_that_was_named_must_exist(tmp_path, monkeypatch):
+    (tmp_path / "skills").mkdir()
+    with pytest.raises(NotFoundError, match=r"skils: there is no such store") as caught:
+        store.existing_store(tmp_path / "skils")
+    assert caught.value.hint == f"Did you mean {tmp_path / 'skills'}?"
+    (tmp_path / "file").touch()
+    with pytest.raises(NotFoundError, match=r"file: there is no such store"):
+        store.existing_store(tmp_path / "file")
+    monkeypatch.setenv("SKILLCTL_STORE", str(tmp_path / "elsewhere"))
+    with pytest.raises(NotFoundError, match=r"elsewhere: there is no such store") as caught:
+        store.existing_store()
+    assert "SKILLCTL_STORE" in caught.value.hint
+    monkeypatch.delenv("SKILLCTL_STORE")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.chdir("/")
+    assert store.existing_store() == tmp_path / "data" / "skillctl" / "skills"  # nothing was learned yet
+
+
+@pytest.mark.parametrize("root", ["skills", "elsewhere"])
+@pytest.mark.parametrize("file", ["1.h5", "2.h5", "mine.h5"])
+@pytest.mark.parametrize("named", [True, False])
+def test_no_file_is_written_among_versions(tmp_path, monkeypatch, versions, root, file, named):
+    monkeypatch.chdir(tmp_path)
+    registry = store.Registry(tmp_path / root)
+    path = registry.publish("reach", versions[0]).path
+    if named:
+        path.chmod(0o644)  # as Git leaves it
+    (tmp_path / "link").symlink_to(path.parent)
+    for folder in (path.parent, Path(root) / "reach", Path("link")):
+        with pytest.raises(UsageError, match="lies in a store, where versions never change") as caught:
+            store.require_outside_store(folder / file, registry.root if named else None)
+        assert f"--name reach --store {tmp_path / root}" in caught.value.hint
+    if root == "skills" or not named:
+        for number in (1, 2):  # whatever asks for it
+            with pytest.raises(UsageError, match="versions never change"):
+                store.write_file(path.parent / f"{number}.h5", b"")
+    assert path.read_bytes() == versions[0]
+    assert [entry.name for entry in path.parent.iterdir()] == ["1.h5"]
+
+
+@pytest.mark.parametrize("file", ["skills/reach.h5", "skills/build/straight.h5", "out/reach/1.h5", "1.h5"])
+def test_a_file_beside_a_store_or_in_another_directory_is_written(tmp_path, monkeypatch, file):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    for _ in range(2):  # it may be replaced, too
+        store.require_outside_store(Path(file))
+        store.write_file(Path(file), b"a skill")
+
+
+def test_a_file_that_would_become_a_version_is_not_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        with pytest.raises(UsageError, match="versions never change"):
+            store.write_file(Path("skills/reach/1.h5"), b"a skill")
+        (tmp_path / "skills" / "reach").mkdir(parents=True, exist_ok=True)

@@ -140,7 +140,7 @@ def test_a_file_of_a_later_build_is_not_overwritten(run, library, tmp_path, late
         refused = run(*make, tmp_path / "made.h5", *options)
         assert refused.exit_code == 2
         assert "made.h5 exists and is a skill that only a later skillctl can use; it will" in refused.stderr
-        assert "hint: Upgrade skillctl, give another name after -o, or remove the file." in refused.stderr
+        assert "hint: Upgrade skillctl, or give another name after -o." in refused.stderr
         assert (tmp_path / "made.h5").read_bytes() == data
 
 
@@ -155,3 +155,12 @@ def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curv
 
 def test_a_toml_file_may_begin_with_a_byte_order_mark():
     assert parse_toml("\ufeffa = 1".encode()) == {"a": 1}
+
+
+def test_nothing_is_saved_over_a_version(curve, library):
+    before = (library / "hook" / "1.h5").read_bytes()
+    for name in ("1.h5", "2.h5", "mine.h5"):
+        with pytest.raises(UsageError, match="lies in a store, where versions never change"):
+            save(curve, library / "hook" / name)
+    assert [path.name for path in (library / "hook").iterdir()] == ["1.h5"]
+    assert (library / "hook" / "1.h5").read_bytes() == before

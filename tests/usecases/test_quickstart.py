@@ -30,7 +30,11 @@ def test_it_proves_six_skills(started):
     assert [skill["skill"] for skill in report["skills"]] == [f"{name}@1" for name in SKILLS]
     assert [skill["made_by"] for skill in report["skills"]] == ["learn"] * 3 + ["merge"] * 2 + ["combine"]
     assert {skill["verdict"] for skill in report["skills"]} == {"stable"}
-    assert {entry.name for entry in folder.iterdir()} - {"shelf.png"} == {"demonstrations", "skills"}
+    assert {entry.name for entry in folder.iterdir()} - {"shelf.png"} == {
+        "cups.toml",
+        "demonstrations",
+        "skills",
+    }
 
 
 def test_there_are_seven_demonstrations_or_more_of_each_reach(started):
@@ -45,6 +49,22 @@ def test_it_simulates_one_reach_per_skill_and_leaves_a_picture(started):
     assert {skill["outcome"] for skill in report["skills"]} == {"reached"}
     assert all(skill["final_error"] < 2e-3 for skill in report["skills"])
     assert (folder / "shelf.png").read_bytes().startswith(b"\x89PNG")
+    assert report["outcome"] == "grasped"
+    assert report["commands"][-1].startswith("skillctl simulate shelf --scene shelf --target cup --cup ")
+
+
+@pytest.mark.skipif(not has_pybullet, reason="PyBullet has no wheel for this Python")
+def test_it_shows_what_combining_is_worth(started, run, monkeypatch):
+    folder, report = started
+    grasped = {skill["skill"]: skill["grasped"] for skill in report["skills"]}
+    assert grasped["top-left@1"] is grasped["top-right@1"] is None
+    assert report["cups"] >= grasped["shelf@1"] > max(grasped[f"{name}@1"] for name in SKILLS[:3])
+    monkeypatch.chdir(folder)
+    (command,) = (
+        each for each in report["commands"] if each.startswith("skillctl simulate bottom-left --scen")
+    )
+    again = json.loads(run(*shlex.split(command)[1:], "--json").stdout)
+    assert (again["successes"], again["episodes"]) == (grasped["bottom-left@1"], report["cups"])
 
 
 def test_typing_what_it_printed_gives_the_same_skills(started, run, monkeypatch):
@@ -92,6 +112,6 @@ def test_without_a_simulator_it_does_everything_else(started):
     )
     assert result.returncode == 0, result.stderr
     assert "note: nothing was simulated: " in result.stderr
-    assert ".[sim]" in result.stderr
+    assert "pip install pybullet" in result.stderr
     assert result.stderr.count("$ skillctl simulate") == 1  # it does not try again and again
     assert all(f"{name}@1" in result.stdout for name in SKILLS)  # and no new versions were made

@@ -40,16 +40,20 @@ class Link(ABC):
         """Return y = c(x) for offsets (n, d), and what leads velocities ẏ (n, d) there back to ẋ (n, d)."""
 
     @abstractmethod
+    def in_unit(self, unit: float) -> Link:
+        """Return x ↦ u c(x / u): the same map of lengths of which ``unit`` u make one of the old."""
+
+    @abstractmethod
     def check(self) -> tuple[str, ...]:
         """Return why the map is not exactly invertible, in sentences; none if it is."""
 
     def forward_at(self, offset: FloatArray) -> FloatArray:
         """Return y = c(x) for one offset (d,)."""
-        return self.forward(offset[None])[0]
+        return np.asarray(self.forward(offset[None])[0])
 
     def back_at(self, coordinate: FloatArray) -> FloatArray:
         """Return x = c⁻¹(y) for one y (d,)."""
-        return self.back(coordinate[None])[0]
+        return np.asarray(self.back(coordinate[None])[0])
 
     def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
         """Return y = c(x) for one offset (d,), and what leads a velocity ẏ (d,) there back to ẋ (d,)."""
@@ -109,6 +113,10 @@ class Chain(Link):
         for link in reversed(self.links):
             low, high = link.bounds_back(low, high)
         return low, high
+
+    def in_unit(self, unit: float) -> Chain:
+        """Return the same coordinates in other lengths; see ``Link``."""
+        return Chain(tuple(link.in_unit(unit) for link in self.links))
 
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""

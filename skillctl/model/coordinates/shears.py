@@ -79,6 +79,11 @@ class Shears(Frozen, Link):
     def __hash__(self) -> int:
         return hash(self.coefficients.tobytes())
 
+    def in_unit(self, unit: float) -> Shears:
+        """Return the same map in other lengths; see ``Link``."""
+        lengths = (unit * each for each in (self.firsts, self.spacings, self.coefficients))
+        return Shears(self.linear, self.directions, *lengths)
+
     def check(self) -> tuple[str, ...]:
         """Return why φ is not exactly invertible, in sentences; see ``Link``.
 
