@@ -158,7 +158,7 @@ def format_of(file: File, forced: Format | None = None) -> Format:
         if form is None or forced not in (None, form):
             known = {suffix for each in FORMATS for suffix in each.suffixes if suffix.startswith(".")}
             there = sorted({member.suffix for member in file.path.iterdir()} & known)
-            ending = there[0] if there else ".csv"
+            ending = there[0] if there else ""
             raise InputDataError(
                 f"{file.path}: is a folder, not a file.", hint=f"Name its files: {file.path}/*{ending}"
             )
