@@ -72,7 +72,7 @@ class _Candidate:
     """One way to merge.
 
     Attributes:
-        skill: The merger.
+        skill: The merger, as fast as the demonstrations.
         weights: Of each given part. Shape (number of given parts,).
         choice: What it is called in reports.
         distances: DTW distance to each demonstration, in the first column, and to its neighbours.
@@ -88,6 +88,8 @@ class _Candidate:
     def of(
         cls, skill: MergedSkill, weights: FloatArray, choice: str, families: Sequence[DemonstrationSet]
     ) -> _Candidate:
+        shown = tuple(family.demonstrations[0] for family in families)
+        skill = timed(skill, DemonstrationSet(shown, skill.space))
         motions = tuple(motion for family in families for motion in family)
         distances = task_distances(skill, DemonstrationSet(motions, skill.space), skill.attractor)
         return cls(skill, weights, choice, distances.reshape(len(families), -1))
@@ -138,7 +140,7 @@ def fit_to_task(
         held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances[:, 0])
     used = tuple(np.flatnonzero(best.weights).tolist())
-    return FittedMerger(timed(best.skill, task), used, best.choice, errors, held_out)
+    return FittedMerger(best.skill, used, best.choice, errors, held_out)
 
 
 def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
@@ -258,7 +260,7 @@ def _fitted(
     nearest = fit_velocities(parts, demonstrations)
     if nearest is None:
         return []
-    found = [_Candidate.of(slowed(nearest.skill), nearest.weights, PER_PART, families), *pairs]
+    found = [_Candidate.of(nearest.skill, nearest.weights, PER_PART, families), *pairs]
     ways: dict[FitLevel, str] = {"part": PER_PART}
     if level == "component":
         ways["component"] = "per component"

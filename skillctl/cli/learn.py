@@ -29,7 +29,7 @@ Example:
   skillctl learn reach-*.csv --name reach
   skillctl learn rec.csv --columns x=a,y=b,z=c --units mm -o reach.h5
   skillctl learn low_dim.hdf5 --demos 0-19 --name lift
-  skillctl learn reach-*.bag --topic /joint_states --arm robot.urdf --name reach
+  skillctl learn *.bag --topic /joint_states --arm robot.urdf --name reach
   skillctl learn reach-*.csv --name reach --validate --plot reach.svg
   skillctl learn GShape.mat --name g --objective likelihood --metric euclidean
   skillctl learn --batch manifest.toml --jobs 4"""

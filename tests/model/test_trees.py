@@ -42,13 +42,14 @@ def close(one, other, states):
 
 @pytest.mark.parametrize("gate", MERGE_GATES)
 def test_a_merge_of_one_skill_is_that_skill(parts, states, gate):
-    assert close(MergedSkill((parts[0],), [1.0], gate), parts[0], states)
+    # γ = 1: with γ > 1 the experts gate sharpens within a part, too
+    assert close(MergedSkill((parts[0],), [1.0], gate, parameters=sharp(gate, 1.0)), parts[0], states)
 
 
 @pytest.mark.parametrize("gate", MERGE_GATES)
 def test_merging_a_skill_with_itself_changes_nothing(parts, states, gate):
-    # γ = 1: with γ > 1 the experts gate sharpens within a part too
-    assert close(MergedSkill((parts[1], parts[1]), [0.25, 0.75], gate), parts[1], states)
+    twice = MergedSkill((parts[1], parts[1]), [0.25, 0.75], gate, parameters=sharp(gate, 1.0))
+    assert close(twice, parts[1], states)
 
 
 @pytest.mark.parametrize("gate", MERGE_GATES)

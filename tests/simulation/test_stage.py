@@ -37,7 +37,7 @@ def test_a_cup_is_seen_where_it_is_placed() -> None:
 
 def test_an_arm_that_is_seen_through_hides_nothing() -> None:
     place = np.array([0.45, 0.0, 0.3])
-    with Stage(ARMS["panda"], 0.0, None) as stage:
+    with Stage(ARMS["panda"], 0.0, Scenario()) as stage:
         stage.show(np.array(ARMS["panda"].home), np.zeros(2))
         cup = stage.add_cup(Cup())
         stage.put(cup, np.array([*place, *UPRIGHT]))
