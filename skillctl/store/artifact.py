@@ -90,7 +90,7 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
         require_ties(meta)
     except Refusal as reason:
         raise InvalidModelError(f"this skill cannot be stored: {reason}.") from None
-    text = dump_canonical(meta.model_dump(mode="json"))
+    text = dump_canonical(_dumped(meta))
     return {**contents_of(artifact), META: np.frombuffer(text, dtype=np.uint8)}
 
 
@@ -101,7 +101,17 @@ def contents_of(artifact: Artifact) -> dict[str, Array]:
 
 def metadata_of(artifact: Artifact) -> dict[str, Any]:
     """Return meta.json of an artifact, as JSON values."""
-    return _meta_of(artifact).model_dump(mode="json")
+    return _dumped(_meta_of(artifact))
+
+
+def _dumped(meta: Meta) -> dict[str, Any]:
+    """Return metadata as JSON values, without the keys that only demonstrations which were moved have."""
+    value = meta.model_dump(mode="json")
+    for report in value["reports"]:
+        for name in ("moved", "dtw_unmoved"):
+            if report[name] is None:
+                del report[name]
+    return value
 
 
 def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifact:

@@ -213,8 +213,8 @@ def main() -> None:
             print("  " + ", ".join(f"{m} {s.dtw:.2f} ({s.bound:.2f})" for m, s in scores.items()))
     if not arguments.only:
         for name in ("default", "no shears"):
-            scores = [score(training, ROWS[name], test) for training, test in split(motions, 5)]
-            print(row(f"{name}, held out", scores), flush=True)
+            rest = [score(training, ROWS[name], test) for training, test in split(motions, 5)]
+            print(row(f"{name}, held out", rest), flush=True)
         for name in ("default", "no shears"):
             print(f"ds-opt's test, {name}: {published(motions, ROWS[name])}", flush=True)
             print(f"speed beside the motion, {name}: {speed_beside(motions, ROWS[name])}", flush=True)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from skillctl import store
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
@@ -57,6 +60,20 @@ def joints() -> SedsSkill:
         ),
         space=Euclidean(("shoulder", "elbow", "wrist"), unit="rad", frame="arm"),
     )
+
+
+def bent(offset: float) -> SedsSkill:
+    """Return the skill ``seds`` in learned coordinates: two shears of three bumps."""
+    shears = Shears(
+        linear=np.array([[0.5, 0.25], [0.0, 2.0]]),
+        directions=np.array([[1.0, 0.0], [0.5, 0.5]]),
+        firsts=np.array([-0.5, -1.0]),
+        spacings=np.array([0.5, 0.75]),
+        coefficients=np.array(
+            [[[0.0, 0.25], [0.0, -0.5], [0.0, 1.0]], [[0.5, -0.5], [0.25, 0.0], [0.0, 0.0]]]
+        ),
+    )
+    return replace(seds(offset), coordinates=Chain((shears,)))
 
 
 def demonstrations(offset: float) -> DemonstrationSet:
@@ -137,6 +154,8 @@ def archive() -> dict[str, store.Artifact]:
     aligned = CombinedSkill((left, dense), np.array([0.75, 0.25]), "instantaneous", 0.125, 0.5)
     return {
         "seds-bare.h5": artifact(right, (None,), "python"),
+        "seds-bent.h5": artifact(bent(0.0), (demonstrations(0.0),), "learn"),
+        "combined-bent.h5": artifact(CombinedSkill((bent(1.0), other), halves), (None, None), "python"),
         "seds-joints.h5": artifact(joints(), (None,), "learn"),
         "merged-superposition.h5": artifact(added, taught, "merge"),
         "merged-density.h5": artifact(dense, (None, None), "python"),
