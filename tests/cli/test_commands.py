@@ -116,6 +116,7 @@ def test_a_skill_that_does_not_follow_its_demonstrations_is_warned_of(run, tmp_p
     there = np.column_stack([np.linspace(0, 2, 101), np.cos(turn), np.sin(turn)])
     np.savetxt(path := tmp_path / "a.csv", there, delimiter=",", header="t,x,y", comments="")
     arguments = ["learn", path, "-o", tmp_path / "a.h5", "--components", "1", "--metric", "euclidean"]
+    arguments += ["--coordinates", "identity"]
     report = document(run(*arguments, "--preset", "fast", "--json"))
     share = report["demonstrations"][0]["dtw"] / np.sqrt(8)
     assert share > 0.04
@@ -166,10 +167,10 @@ def test_a_part_that_seldom_acts_where_it_was_taught_is_told_though_all_is_prove
     result = run(*command, "--priors", "1,1e-200")
     assert (result.exit_code, "stable" in result.stdout) == (0, True)
     told = " ".join(result.stderr.split())
-    assert "warning: part 2 acts at 0 of the 4 starts of its own demonstrations" in told
-    assert "part 1 acts" not in told
+    assert "warning: 4 of the 4 demonstrations of part 2, left out in turn, start where another part" in told
+    assert "of part 1, left out" not in told
     assert "--calibrate" in told
-    assert "acts at" not in run(*command, "--priors", "1,1e-200", "--force", "--quiet").stderr
+    assert "left out" not in run(*command, "--priors", "1,1e-200", "--force", "--quiet").stderr
 
 
 def test_the_same_part_twice_is_allowed_and_said(run, library, tmp_path):
