@@ -201,7 +201,7 @@ def test_a_page_tells_verdict_proof_parts_and_lineage(pages):
         "Part 2 shrinks",
         "curve@1",
         "hook@1",
-        "own starts in it",
+        "left-out starts in it",
         "present",
     ):
         assert expected in text

@@ -286,8 +286,8 @@ def test_files_are_relative_to_the_manifest(project: Path, monkeypatch: pytest.M
         ("[[skills]]\ndata='x'", "skill 1: must have a name for the store, or an output file"),
         ("[[skills]]\ndata='x'\nname='a'\noutput='b.h5'", "skill 1: must have a name for the store"),
         (
-            "[[skills]]\ndata='x'\nname='a'\nunits='cm'",
-            "skill 1: units: must be 'm', 'mm' or 'rad', got 'cm'.",
+            "[[skills]]\ndata='x'\nname='a'\nunits='inch'",
+            "skill 1: units: must be 'mm', 'cm', 'm', 'deg' or 'rad', got 'inch'.",
         ),
         (
             "[[skills]]\ndata='x'\nname='a'\nslowest-rate=3",
