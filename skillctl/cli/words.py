@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skillctl.usecases.destination import Written
     from skillctl.usecases.make import PartSummary
 
+SHOWN = 0.01  # of the error of a demonstration: that it was moved by less is not worth a column
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart
 MEANINGS = {  # of figures that are shown without a word about them
@@ -180,7 +181,7 @@ def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_le
         "duration": lambda report: f"{report.duration:.2f} s",
         "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
         "DTW": lambda report: length(report.dtw, unit),
-        **(moved if any(report.moved for report in reports) else {}),
+        **(moved if any((each.moved or 0.0) > SHOWN * (each.dtw or 0.0) for each in reports) else {}),
         "arrives": lambda report: (
             f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
         ),

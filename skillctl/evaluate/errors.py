@@ -22,7 +22,11 @@ PATIENCE = 10  # durations of the longest demonstration, after which a motion co
 
 
 def report_errors(
-    skill: ActingSkill, demonstrations: DemonstrationSet, leaf: int = 0, *, moved: FloatArray | None = None
+    skill: ActingSkill,
+    demonstrations: DemonstrationSet,
+    leaf: int = 0,
+    *,
+    ends: Sequence[FloatArray] | None = None,
 ) -> list[DemonstrationReport]:
     """Return how each demonstration differs from a rollout from its start and from the velocities along it.
 
@@ -30,12 +34,12 @@ def report_errors(
         skill: What was learned, or merged.
         demonstrations: What it was learned from, ending at its attractor.
         leaf: Which leaf of the whole skill tree ``skill`` is.
-        moved: By how much each was moved so that it ends there, (n, d): errors against the demonstrations as
-            they were recorded are reported, too.
+        ends: Where each ended when it was recorded, (d,), before it was moved to end there: errors against
+            the demonstrations as they were recorded are reported, too.
     """
     longest = max(demonstration.duration for demonstration in demonstrations)
     starts = np.stack([demonstration.positions[0] for demonstration in demonstrations])
-    offsets = np.zeros_like(starts) if moved is None else moved
+    offsets = np.zeros_like(starts) if ends is None else skill.attractor - np.stack(ends)
     run = partial(rollout, skill, duration=PATIENCE * longest, period=longest / STEPS_PER_DEMONSTRATION)
     rollouts = run(starts)
     recorded = run(starts - offsets) if offsets.any() else rollouts
@@ -55,8 +59,8 @@ def report_errors(
                 dtw=distance if np.isfinite(distance) else None,
                 end_error=metrics.end_error(path, skill.attractor),
                 arrived=bool(rollouts.arrived[index]),
-                moved=None if moved is None else float(np.linalg.norm(offsets[index])),
-                dtw_unmoved=None if moved is None or not np.isfinite(as_recorded) else as_recorded,
+                moved=None if ends is None else float(np.linalg.norm(offsets[index])),
+                dtw_unmoved=None if ends is None or not np.isfinite(as_recorded) else as_recorded,
             )
         )
     return reports

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, cast
-
-import numpy as np
 
 from skillctl.demonstrations.faults import told
 from skillctl.demonstrations.options import Reading
@@ -160,9 +159,8 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         fitted = fit(read.demonstrations, options, progress=progress)
         certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
         left_out = _left_out(read, request, progress)
-        ends = np.stack([demonstration.positions[-1] for demonstration in read.demonstrations])
-        moved = fitted.skill.attractor - ends
-        reports = tuple(report_errors(fitted.skill, fitted.demonstrations, moved=moved))
+        ends = [demonstration.positions[-1] for demonstration in read.demonstrations]
+        reports = tuple(report_errors(fitted.skill, fitted.demonstrations, ends=ends))
         warnings = (*told(read.faults), *_inaccuracy(fitted, reports))
         results = {**_results(fitted, left_out), "warnings": warnings}
         done = operation.model_copy(update={"results": results})
@@ -180,7 +178,7 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
 def _inaccuracy(fitted: Fit, reports: Sequence[DemonstrationReport]) -> tuple[str, ...]:
     """Return the warning about a skill that does not do what was shown."""
     distance, space = mean_dtw(reports), fitted.skill.space
-    share = np.inf if distance is None else distance / fitted.demonstrations.extent
+    share = math.inf if distance is None else distance / fitted.demonstrations.extent
     if share <= INACCURATE:
         return ()
     off = "some diverge" if distance is None else f"{distance:.2g} {space.unit} off on average"
