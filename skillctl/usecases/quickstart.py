@@ -34,7 +34,7 @@ SHELF = "shelf"
 COMBINED = ("bottom-left", "bottom-right", "top-centre")
 START = (0.42, 0.0, 0.55)  # low in front of the shelf, where the demonstrations start [m]
 CUP = (0.62, -0.2)  # one that no demonstration reached for [m]
-COMPARED = (*TASKS, SHELF)  # on the same cups: what combining is worth
+COMPARED = (*TASKS, SHELF)  # on the same cups
 EPISODES = 8
 ANYWHERE = """\
 # A cup anywhere on one of the two boards, and a start of the hand as in the demonstrations.
