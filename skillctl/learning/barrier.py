@@ -135,10 +135,9 @@ def constrained_regression(
         smooth = 0.5 * np.einsum("ki,kij,kj->k", flat, quadratic, flat) - np.einsum("ki,ki->k", linear, flat)
         return np.asarray(smooth + weight * barrier.value(candidates))
 
-    # A start from an earlier solution is near the end of the central path already.
-    last_level = np.log10(final_weight)
-    first_level = -1 if start is None else last_level
-    for level in 10.0 ** np.arange(first_level, last_level - 0.5, -1):
+    # A start from an earlier solution is near the central path at a lower weight already.
+    first_level = -1 if start is None else -3
+    for level in 10.0 ** np.arange(first_level, np.log10(final_weight) - 0.5, -1):
         weight = level * scale
         value = cost(matrices, weight)
         for _ in range(8):
