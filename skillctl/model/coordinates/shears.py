@@ -175,8 +175,7 @@ class Shears(Frozen, Link):
         """Return y for one offset (d,), and what leads a velocity (d,) back; see ``tangent``."""
         y, slopes = _product(self._rows[0], offset.tolist()), []
         for shear in self._shears:
-            amount, slope = shear.amount_and_slope(y)
-            y = [a + b for a, b in zip(y, amount, strict=True)]
+            y, slope = shear.sheared(y)
             slopes.append((shear.row, slope))
 
         def pull(velocity: FloatArray) -> FloatArray:
@@ -280,19 +279,19 @@ class _Shear:
         cubics = zip(self._lists[index], self._zero, strict=True)
         return [((p3 * f + p2) * f + p1) * f + p0 - shift for (p0, p1, p2, p3), shift in cubics]
 
-    def amount_and_slope(self, y: list[float]) -> tuple[list[float], list[float]]:
-        """Return a and a′ at w·y for one y."""
+    def sheared(self, y: list[float]) -> tuple[list[float], list[float]]:
+        """Return y + a and a′ at w·y for one y."""
         u = sum(map(mul, self.row, y)) * self._per_length + self._start
         if not 0 <= u < self._count:
-            return [-shift for shift in self._zero], [0.0] * len(y)
+            return [a - shift for a, shift in zip(y, self._zero, strict=True)], [0.0] * len(y)
         index = int(u)
         f, cubics = u - index, self._lists[index]
-        per_length = self._per_length
-        amount = [
-            ((p3 * f + p2) * f + p1) * f + p0 - s
-            for (p0, p1, p2, p3), s in zip(cubics, self._zero, strict=True)
+        per_length, shifts = self._per_length, self._zero
+        moved = [
+            a + (((p3 * f + p2) * f + p1) * f + p0 - shift)
+            for a, (p0, p1, p2, p3), shift in zip(y, cubics, shifts, strict=True)
         ]
-        return amount, [((3 * p3 * f + 2 * p2) * f + p1) * per_length for _, p1, p2, p3 in cubics]
+        return moved, [((3 * p3 * f + 2 * p2) * f + p1) * per_length for _, p1, p2, p3 in cubics]
 
 
 def _slope_extremes(cells: FloatArray, per_length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
