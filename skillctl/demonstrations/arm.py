@@ -25,15 +25,15 @@ class RecordedArm:
         name: Of the arm, for messages.
         hand: Link whose position is its hand's.
         joints: Names of its joints, from the base to the hand.
-        lower, upper: Their limits, (n,), [rad].
+        lower, upper: Their limits, [rad].
         positions: Returns the hand's positions (T, 3) [m], in the frame of the base, for joints (T, n) [rad].
     """
 
     name: str
     hand: str
     joints: tuple[str, ...]
-    lower: FloatArray
-    upper: FloatArray
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
     positions: Callable[[FloatArray], FloatArray]
 
     def hand_of(self, recording: Recording) -> Recording:
@@ -78,7 +78,8 @@ class RecordedArm:
         return list(range(width))
 
     def _require_within(self, recording: Recording, angles: FloatArray) -> None:
-        beyond = (angles < self.lower - BEYOND) | (angles > self.upper + BEYOND)  # false for NaN
+        low, high = np.array(self.lower) - BEYOND, np.array(self.upper) + BEYOND
+        beyond = (angles < low) | (angles > high)  # false for NaN
         if not beyond.any():
             return
         sample, joint = np.argwhere(beyond)[0]

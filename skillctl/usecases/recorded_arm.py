@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.files import sha256_of
 from skillctl.demonstrations.options import Reading
@@ -41,7 +39,7 @@ def recorded_arm(robot: Robot) -> RecordedArm | None:
         name=model.name,
         hand=model.tip_link,
         joints=joint_names(model),
-        lower=np.array(model.lower),
-        upper=np.array(model.upper),
+        lower=tuple(model.lower),
+        upper=tuple(model.upper),
         positions=partial(hand_positions, model),
     )
