@@ -60,6 +60,13 @@ class Link(ABC):
         y, pull = self.tangent(offset[None])
         return y[0], lambda velocity: pull(velocity[None])[0]
 
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move from offsets (n, d) in a straight line. Shape (n,); infinite here.
+
+        Between two states the robot moves straight, which is not what the map says of states in between.
+        """
+        return np.full(len(offsets), np.inf)
+
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
 
@@ -113,6 +120,10 @@ class Chain(Link):
         for link in reversed(self.links):
             low, high = link.bounds_back(low, high)
         return low, high
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move in a straight line; see ``Link``. Only the first link knows it."""
+        return self.links[0].longest(offsets) if self.links else super(Chain, self).longest(offsets)
 
     def in_unit(self, unit: float) -> Chain:
         """Return the same coordinates in other lengths; see ``Link``."""
