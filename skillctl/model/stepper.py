@@ -47,10 +47,11 @@ class Caps:
     speed: float = math.inf
     turn: float = math.inf
 
-    def share(self, space: Space, command: FloatArray) -> float:
-        """Return how much of the caps a command (d,) takes: more than one breaks one of them."""
+    def allow(self, space: Space, command: FloatArray) -> float:
+        """Return the largest factor by which a command (d,) keeps both caps: below one if it breaks one."""
         moving, turning = space.speeds(command)
-        return max(moving / self.speed, turning / self.turn)
+        factor = self.speed / moving if moving > 0 else math.inf
+        return min(factor, self.turn / turning) if turning > 0 else factor
 
 
 UNCAPPED = Caps()
@@ -109,8 +110,8 @@ class Stepper:
         if not self._plain:
             return self._bent(state, part, caps, near)
         command = skill.velocity_at(state, part)
-        if caps is not UNCAPPED and (share := caps.share(skill.space, command)) > 1:
-            command = command / share
+        if caps is not UNCAPPED and (factor := caps.allow(skill.space, command)) < 1:
+            command = command * factor
         return Step(moved(skill.space, state, command, self.period), command, part)
 
     def step_many(self, states: FloatArray, parts: IntArray | None = None) -> Step:
@@ -143,8 +144,8 @@ class Stepper:
 
         reached = ahead(duration)
         command = space.difference_at(reached.state, state) / self.period
-        if caps is not UNCAPPED and caps.share(space, command) > 1:
-            share = _within(lambda share: caps.share(space, command_of(share)))
+        if caps is not UNCAPPED and caps.allow(space, command) < 1:
+            share = _within(lambda share: 1 / caps.allow(space, command_of(share)))
             reached = ahead(share * duration)
             command = space.difference_at(reached.state, state) / self.period
         return Step(reached.state, command, part, reached.offset)
