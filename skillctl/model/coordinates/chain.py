@@ -154,6 +154,70 @@ class Chain(Link):
         return offset, _one_after_the_other(pulls)
 
 
+@dataclass(frozen=True, slots=True)
+class OnPosition(Link):
+    """A link that acts on the first coordinates of an offset, the position, and leaves the others alone.
+
+    Attributes:
+        link: The map of the position.
+        size: Number of coordinates of a position.
+    """
+
+    link: Link
+    size: int = 3
+
+    def forward(self, offsets: FloatArray) -> FloatArray:
+        """Return y = c(x) for offsets (n, d). Shape (n, d)."""
+        return self._with(self.link.forward(offsets[:, : self.size]), offsets)
+
+    def back(self, coordinates: FloatArray) -> FloatArray:
+        """Return x = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
+        return self._with(self.link.back(coordinates[:, : self.size]), coordinates)
+
+    def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for offsets (n, d), and what leads velocities back; see ``Link``."""
+        y, pull = self.link.tangent(offsets[:, : self.size])
+        return self._with(y, offsets), lambda velocities: self._with(
+            pull(velocities[:, : self.size]), velocities
+        )
+
+    def in_unit(self, unit: float) -> OnPosition:
+        """Return the same map in other lengths; see ``Link``."""
+        return OnPosition(self.link.in_unit(unit), self.size)
+
+    def check(self) -> tuple[str, ...]:
+        """Return why the map is not exactly invertible, in sentences; none if it is."""
+        return self.link.check()
+
+    def forward_at(self, offset: FloatArray) -> FloatArray:
+        """Return y for one offset (d,)."""
+        return np.concatenate([self.link.forward_at(offset[: self.size]), offset[self.size :]])
+
+    def back_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return x for one y (d,)."""
+        return np.concatenate([self.link.back_at(coordinate[: self.size]), coordinate[self.size :]])
+
+    def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for one offset (d,), and what leads a velocity back; see ``Link``."""
+        y, pull = self.link.tangent_at(offset[: self.size])
+        return np.concatenate([y, offset[self.size :]]), lambda velocity: np.concatenate(
+            [pull(velocity[: self.size]), velocity[self.size :]]
+        )
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_forward(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_back(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def _with(self, positions: FloatArray, rest: FloatArray) -> FloatArray:
+        return np.concatenate([positions, rest[:, self.size :]], axis=1)
+
+
 def _one_after_the_other(pulls: list[Pull]) -> Pull:
     if len(pulls) == 1:  # as it nearly always is
         return pulls[0]
