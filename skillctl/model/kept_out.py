@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.coordinates.bodies import Body
-from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.chain import Chain, Link, OnPosition
 from skillctl.model.coordinates.gauge import Gauge
 from skillctl.model.coordinates.keep_out import KeepOut
 from skillctl.model.coordinates.separation import separated
@@ -45,7 +45,7 @@ def kept_out(
     bodies are inflated, and no step near them is longer.
 
     Args:
-        skill: Any skill over positions.
+        skill: Any skill over positions or poses; of a pose the bodies concern the position.
         bodies: In the skill's frame.
         margin: m, [m]: what must stay free, such as the radius of the hand.
         stride: s, [m], such as the largest speed times the period. Default: the margin.
@@ -57,22 +57,27 @@ def kept_out(
     """
     if not bodies:
         return skill
+    space, size = skill.space, skill.space.positions
     stride = margin if stride is None else stride
     inflation = math.hypot(margin, 0.5 * stride)
     for body in bodies:
-        if len(body.centre) != skill.dimension or skill.space.unit != "m":
-            raise UsageError(f"{body.name}: it has {len(body.centre)} coordinates, the skill others.")
+        if len(body.centre) != size or space.unit != "m":
+            raise UsageError(
+                f"{body.name}: a body with {len(body.centre)} coordinates, [m], means nothing to a skill "
+                f"over {', '.join(space.names)} [{space.unit}]."
+            )
     gauges = [body.inflated(inflation) for body in bodies]
     for body, gauge in zip(bodies, gauges, strict=True):
-        if start is not None and gauge.values(np.asarray(start, dtype=np.float64)[None])[0] < 1:
+        if start is not None and gauge.values(np.asarray(start, dtype=np.float64)[None, :size])[0] < 1:
             raise UsageError(f"{body.name}: the start is in it, or nearer than {_length(inflation)}.")
     links: dict[bytes, KeepOut] = {}
 
     def change(leaf: SedsSkill) -> SedsSkill:
-        target = leaf.attractor
+        target = leaf.attractor[:size]
         if (key := target.tobytes()) not in links:
             links[key] = _link(bodies, gauges, target, inflation, stride)
-        return replace(leaf, coordinates=Chain((links[key], *leaf.coordinates.links)))
+        link: Link = links[key] if size == space.dimension else OnPosition(links[key], size)
+        return replace(leaf, coordinates=Chain((link, *leaf.coordinates.links)))
 
     return skill.with_leaves(change)
 

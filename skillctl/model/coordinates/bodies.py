@@ -13,6 +13,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.coordinates.gauge import Gauge
+from skillctl.rotations import matrices
 
 Point = tuple[float, ...]
 AnyBody = TypeVar("AnyBody", bound="Body")
@@ -164,7 +165,9 @@ class Box(Turned):
                 raise UsageError(f"{self.name}: the pole {self.pole!r} must be in the box.")
 
     @classmethod
-    def between(cls, name: str, low: Sequence[float], high: Sequence[float], pole: Point | None = None) -> Box:
+    def between(
+        cls, name: str, low: Sequence[float], high: Sequence[float], pole: Point | None = None
+    ) -> Box:
         """Return the box from its lowest to its highest corner (d,), [m], along the axes of the frame."""
         centre = tuple(0.5 * (float(a) + float(b)) for a, b in zip(low, high, strict=True))
         size = tuple(float(b) - float(a) for a, b in zip(low, high, strict=True))
@@ -223,15 +226,10 @@ def rotation(turn: Sequence[float], dimension: int) -> FloatArray:
     """Return the rotation by an angle in the plane, or by a rotation vector in space, [rad]; (d, d)."""
     if not turn:
         return np.eye(dimension)
-    if dimension == 2:  # noqa: PLR2004
+    if dimension == len(turn) + 1:
         c, s = math.cos(turn[0]), math.sin(turn[0])
         return np.array([[c, -s], [s, c]])
-    angle = math.hypot(*turn)
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = (number / angle for number in turn)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)
+    return matrices(np.array(turn))
 
 
 def _sum(point: Sequence[float], offset: Sequence[float] | FloatArray) -> Point:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import TypeAlias
 
 import numpy as np
@@ -67,6 +68,10 @@ class Link(ABC):
         """
         return np.full(len(offsets), np.inf)
 
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,) in a straight line, as ``longest`` does."""
+        return inf
+
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
 
@@ -123,7 +128,11 @@ class Chain(Link):
 
     def longest(self, offsets: FloatArray) -> FloatArray:
         """Return how far a state may move in a straight line; see ``Link``. Only the first link knows it."""
-        return self.links[0].longest(offsets) if self.links else super(Chain, self).longest(offsets)
+        return self.links[0].longest(offsets) if self.links else np.full(len(offsets), np.inf)
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,); see ``longest``."""
+        return self.links[0].longest_at(offset) if self.links else inf
 
     def in_unit(self, unit: float) -> Chain:
         """Return the same coordinates in other lengths; see ``Link``."""
@@ -180,6 +189,14 @@ class OnPosition(Link):
         return self._with(y, offsets), lambda velocities: self._with(
             pull(velocities[:, : self.size]), velocities
         )
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a position may move in a straight line; see ``Link``."""
+        return self.link.longest(offsets[:, : self.size])
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a position may move from one offset (d,); see ``Link``."""
+        return self.link.longest_at(offset[: self.size])
 
     def in_unit(self, unit: float) -> OnPosition:
         """Return the same map in other lengths; see ``Link``."""

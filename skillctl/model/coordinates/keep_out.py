@@ -14,7 +14,6 @@ other influences, however near to the body they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, Frozen, frozen_array
+from skillctl.arrays import FloatArray, Frozen, IntArray, frozen_array
 from skillctl.errors import InvalidModelError
 from skillctl.model.coordinates.chain import Link, Pull
 from skillctl.model.coordinates.gauge import Gauge, inverted, root_above
@@ -156,7 +155,13 @@ class KeepOut(Frozen, Link):
     def longest(self, offsets: FloatArray) -> FloatArray:
         """Return how far the state may move in a straight line from offsets (n, d); see ``Link``."""
         free = [np.linalg.norm(offsets - g.pole, axis=1) - g.radius for g in self.gauges]
-        return np.maximum(np.min(free, axis=0), self.stride)
+        return np.asarray(np.maximum(np.min(free, axis=0), self.stride))
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far the state may move in a straight line from one offset (d,); see ``Link``."""
+        x = offset.tolist()
+        free = min([dist(x, pole) - gauge.radius for _, pole, gauge, _ in self._bodies])
+        return max(float(free), self.stride)
 
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold z for all x in boxes, (n, d) each; see ``Link``.
@@ -215,7 +220,7 @@ class KeepOut(Frozen, Link):
 
     def _met(
         self, gauge: Gauge, reach: float, points: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return which points (n, d) are in an influence, and of those x − p, ν and ∇ν."""
         away = points - gauge.pole
         near = np.flatnonzero((away**2).sum(axis=1) < (reach * gauge.radius) ** 2)
@@ -229,9 +234,7 @@ class KeepOut(Frozen, Link):
             t = np.where(t == 0, NUDGE, t)
         return near, e, t, gradient
 
-    def _met_at(
-        self, point: FloatArray
-    ) -> tuple[list[float], list[float], float, Gauge, float] | None:
+    def _met_at(self, point: FloatArray) -> tuple[list[float], list[float], float, Gauge, float] | None:
         """Return p, x − p, ν, the gauge and R of the influence that one point (d,) is in; None if in none."""
         x = point.tolist()
         for farthest, pole, gauge, reach in self._bodies:
@@ -267,19 +270,20 @@ def _closed(t: Any, reach: float) -> Any:
 
 def _outside(gauge: Gauge, reach: float) -> bool:
     """Return whether the target, offset zero, has ν ≥ R: with rationals, and exactly if true."""
+    rows = [[Fraction(each) for each in row] for row in gauge.frame.tolist()]
     try:
-        inverted([[Fraction(each) for each in row] for row in gauge.frame.tolist()])
+        inverted(rows)
     except ZeroDivisionError:
         return False
     pole = [Fraction(each) for each in gauge.pole.tolist()]
-    u = [-sum(Fraction(q) * p for q, p in zip(row, pole, strict=True)) for row in gauge.frame.tolist()]
+    u = [-sum((q * p for q, p in zip(row, pole, strict=True)), Fraction(0)) for row in rows]
     times, total = Fraction(reach), Fraction(0)
     for g, members in enumerate(gauge.groups):
         first = u[members[0]]
-        square = sum(u[i] * u[i] for i in members)
+        square = sum((u[i] * u[i] for i in members), Fraction(0))
         size = Fraction(float(gauge.below[g] if first < 0 else gauge.above[g]))
         # Of the root a number that is not above it: q/√q, with √q rounded up.
-        w = abs(first) if len(members) == 1 else square / root_above(Fraction(square)) if square else square
+        w = abs(first) if len(members) == 1 else square / root_above(square) if square else square
         total += max(w - times * size, Fraction(0)) ** 2
     return total >= (times * Fraction(gauge.rounding)) ** 2
 
