@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, Frozen, frozen_array, require_spd
+from skillctl.arrays import FloatArray, Frozen, frozen_array, require_moderate, require_spd
 from skillctl.geometry import squared_norms
 
 
@@ -26,6 +26,7 @@ class QuadraticForm(Frozen):
     def __post_init__(self) -> None:
         matrix = frozen_array("lyapunov", self.matrix, (None, None))
         object.__setattr__(self, "matrix", frozen_array("lyapunov", matrix, (len(matrix),) * 2))
+        require_moderate("lyapunov", self.matrix)
         require_spd("lyapunov", self.matrix)
 
     def __eq__(self, other: object) -> bool:

@@ -14,7 +14,7 @@ from skillctl.stability.report import (
     Scope,
     Verdict,
     at_least,
-    at_most,
+    least_frequency,
 )
 from skillctl.stability.sampling import search_witness
 
@@ -102,7 +102,7 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
             sentences.append(
                 f"{name} shrinks the P-distance to its attractor{bent} at {at_least(part.rate)} 1/s or "
                 f"faster, at every controller period up to {at_least(part.period)} s "
-                f"({at_most(1 / part.period)} Hz or faster): exact for all {len(part.components)} components."
+                f"({least_frequency(part.period)} Hz or faster): exact for all {len(part.components)} components."
             )
         if part.radius is not None:
             sentences.append(
