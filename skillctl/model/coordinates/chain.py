@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
 
 Pull: TypeAlias = Callable[[FloatArray], FloatArray]  # leads velocities ẏ back to ẋ = Dc⁻¹ ẏ
 
@@ -46,6 +47,14 @@ class Link(ABC):
     @abstractmethod
     def check(self) -> tuple[str, ...]:
         """Return why the map is not exactly invertible, in sentences; none if it is."""
+
+    def turned(self, rotation: FloatArray) -> tuple[Link, FloatArray]:
+        """Return a map c′ of the same kind, and a rotation U (d, d), with c′(Q x) = U c(x) for a rotation Q.
+
+        Raises:
+            UsageError: Maps of this kind are tied to their directions.
+        """
+        raise UsageError(f"turn: coordinates of the kind {type(self).__name__} cannot be turned.")
 
     def forward_at(self, offset: FloatArray) -> FloatArray:
         """Return y = c(x) for one offset (d,)."""
@@ -118,6 +127,14 @@ class Chain(Link):
         """Return the same coordinates in other lengths; see ``Link``."""
         return Chain(tuple(link.in_unit(unit) for link in self.links))
 
+    def turned(self, rotation: FloatArray) -> tuple[Chain, FloatArray]:
+        """Return the chain in a turned frame, and how what it leads to is turned; see ``Link``."""
+        links = []
+        for link in self.links:
+            link, rotation = link.turned(rotation)
+            links.append(link)
+        return Chain(tuple(links)), rotation
+
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""
         return tuple(sentence for link in self.links for sentence in link.check())
@@ -141,6 +158,77 @@ class Chain(Link):
             offset, pull = link.tangent_at(offset)
             pulls.append(pull)
         return offset, _one_after_the_other(pulls)
+
+
+@dataclass(frozen=True, slots=True)
+class OnPosition(Link):
+    """A link that acts on the first coordinates of an offset, the position, and leaves the others alone.
+
+    Attributes:
+        link: The map of the position.
+        size: Number of coordinates of a position.
+    """
+
+    link: Link
+    size: int = 3
+
+    def forward(self, offsets: FloatArray) -> FloatArray:
+        """Return y = c(x) for offsets (n, d). Shape (n, d)."""
+        return self._with(self.link.forward(offsets[:, : self.size]), offsets)
+
+    def back(self, coordinates: FloatArray) -> FloatArray:
+        """Return x = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
+        return self._with(self.link.back(coordinates[:, : self.size]), coordinates)
+
+    def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for offsets (n, d), and what leads velocities back; see ``Link``."""
+        y, pull = self.link.tangent(offsets[:, : self.size])
+        return self._with(y, offsets), lambda velocities: self._with(
+            pull(velocities[:, : self.size]), velocities
+        )
+
+    def in_unit(self, unit: float) -> OnPosition:
+        """Return the same map in other lengths; see ``Link``."""
+        return OnPosition(self.link.in_unit(unit), self.size)
+
+    def turned(self, rotation: FloatArray) -> tuple[OnPosition, FloatArray]:
+        """Return the map in a frame whose positions alone are turned; see ``Link``."""
+        link, inner = self.link.turned(rotation[: self.size, : self.size])
+        whole = rotation.copy()
+        whole[: self.size, : self.size] = inner
+        return OnPosition(link, self.size), whole
+
+    def check(self) -> tuple[str, ...]:
+        """Return why the map is not exactly invertible, in sentences; none if it is."""
+        return self.link.check()
+
+    def forward_at(self, offset: FloatArray) -> FloatArray:
+        """Return y for one offset (d,)."""
+        return np.concatenate([self.link.forward_at(offset[: self.size]), offset[self.size :]])
+
+    def back_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return x for one y (d,)."""
+        return np.concatenate([self.link.back_at(coordinate[: self.size]), coordinate[self.size :]])
+
+    def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for one offset (d,), and what leads a velocity back; see ``Link``."""
+        y, pull = self.link.tangent_at(offset[: self.size])
+        return np.concatenate([y, offset[self.size :]]), lambda velocity: np.concatenate(
+            [pull(velocity[: self.size]), velocity[self.size :]]
+        )
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_forward(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_back(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def _with(self, positions: FloatArray, rest: FloatArray) -> FloatArray:
+        return np.concatenate([positions, rest[:, self.size :]], axis=1)
 
 
 def _one_after_the_other(pulls: list[Pull]) -> Pull:
