@@ -98,7 +98,7 @@ def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatA
 def _by_blocks(
     space: Space, matrices: FloatArray, known: Sequence[FloatArray] = (), period: float = 0.0
 ) -> FloatArray | None:
-    """Return ``common_lyapunov``; of poses one of the position, and the identity for the orientation, or None."""
+    """Return ``common_lyapunov``; of poses that of the position, with the identity for the orientation."""
     if len(space.blocks) == 1:
         return common_lyapunov(matrices, known=known, period=period)
     c = space.positions

@@ -53,8 +53,8 @@ class MergeOptions:
         part_weights: Influence of each part; None: equal.
         gate: How the parts act together: the name of one of ``skillctl.model.gates.MERGE_GATES``.
         speed: Factor on the velocity.
-        target: Where all end, in the unit of the skill; None: at the weighted mean of their targets. Poses may
-            have a quaternion (x, y, z, w) behind the position; without one, the mean orientation.
+        target: Where all end, in the unit of the skill; None: at the weighted mean of their targets. Of poses
+            with a quaternion (x, y, z, w) behind the position, or else in the mean orientation.
         turn: Motions of poses turn with their target.
         parameters: Of the gate, by their names, as in ``{"sharpness": 4.0}``; the others have their defaults.
     """
@@ -73,6 +73,12 @@ class MergeOptions:
     speed: float = option(1.0, metavar="F", group=MOTION, help="Factor on the velocity.")
     target: tuple[float, ...] | None = _target()
     turn: bool = _turn()
+
+    def prepared(self, parts: Sequence[Skill]) -> tuple[Skill, ...]:
+        """Return the parts as they have to be before one P is looked for."""
+        from skillctl.compose.parts import prepared  # late: it imports NumPy
+
+        return prepared(parts, self.part_weights, self.target, turn=self.turn)
 
     def merge(self, parts: Sequence[Skill], lyapunov: FloatArray) -> MergedSkill:
         """Return the merged skill under a common Lyapunov matrix (d, d)."""
@@ -142,6 +148,12 @@ class CombineOptions:
         group=MOTION,
         help="Choose the priors so that motions that start where a skill was taught select it.",
     )
+
+    def prepared(self, parts: Sequence[Skill]) -> tuple[Skill, ...]:
+        """Return the parts as they have to be before one P is looked for."""
+        from skillctl.compose.parts import prepared  # late: it imports NumPy
+
+        return prepared(parts, self.part_priors, self.target, turn=self.turn)
 
     def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
         """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""

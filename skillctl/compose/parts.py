@@ -33,8 +33,9 @@ def require_compatible(parts: Sequence[Skill], operation: str) -> None:
     for number, part in enumerate(parts[1:], start=2):
         if part.space.kind != first.space.kind:
             moves = {"euclidean": "positions", "pose": "poses"}
+            here, there = moves[part.space.kind], moves[first.space.kind]
             raise UsageError(
-                f"{operation}: skill {number} moves {moves[part.space.kind]}, skill 1 {moves[first.space.kind]}.",
+                f"{operation}: skill {number} moves {here}, skill 1 {there}.",
                 hint="Learn the one that moves poses again with --position-only.",
             )
         if part.dimension != first.dimension:
@@ -82,6 +83,25 @@ def in_one_space(parts: Sequence[AnySkill]) -> tuple[AnySkill, ...]:
         return tuple(parts)
     length = float(np.exp(np.mean(np.log(lengths))))
     return tuple(part.with_leaves(lambda leaf: _in_length(leaf, length)) for part in parts)
+
+
+def prepared(
+    parts: Sequence[Skill], weights: npt.ArrayLike | None, target: npt.ArrayLike | None, *, turn: bool
+) -> tuple[Skill, ...]:
+    """Return the parts as they have to be before one P is looked for: in one space, and turned if they turn.
+
+    P is the same wherever a target is, so that parts which do not turn need not be moved.
+
+    Raises:
+        UsageError: A combined skill is to turn.
+    """
+    parts = in_one_space(parts)
+    if not turn:
+        return parts
+    acting = [part for part in parts if isinstance(part, ActingSkill)]
+    if len(acting) < len(parts):
+        raise UsageError("turn: combined skills do not turn here.", hint="Name their parts instead.")
+    return on_one_attractor(acting, normalised("weights", weights, len(parts)), target, turn=True)
 
 
 def _in_length(leaf: SedsSkill, length: float) -> SedsSkill:

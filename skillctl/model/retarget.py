@@ -29,8 +29,8 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
             Otherwise it goes the same way to the new target, and ends in another orientation.
 
     Raises:
-        UsageError: Wrong number of coordinates, not finite, no unit quaternion, a skill with several attractors,
-            or one without orientation that is to turn.
+        UsageError: Wrong number of coordinates, not finite, no unit quaternion, a skill with several
+            attractors, or one without orientation that is to turn.
     """
     attractors, space = skill.attractors, skill.space
     goal = goal_of(space, target, attractors[0])

@@ -11,8 +11,8 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.lyapunov import QuadraticForm
-from skillctl.model.skill import ActingSkill
 from skillctl.model.pose import Pose
+from skillctl.model.skill import ActingSkill
 from skillctl.stability.exact import Dyadic, is_positive_definite, largest_proved
 
 NAMES = ("position", "orientation")
@@ -60,7 +60,9 @@ def blocks_of(part: ActingSkill) -> tuple[Block, ...]:
     edges = pairwise(np.cumsum([0, *sizes]).tolist())
     return tuple(
         Block(name, rows, part.anchor[rows], QuadraticForm(part.lyapunov[rows, rows]), coordinates)
-        for name, rows, coordinates in zip(NAMES, (slice(*edge) for edge in edges), (bent, Chain()), strict=True)
+        for name, rows, coordinates in zip(
+            NAMES, (slice(*edge) for edge in edges), (bent, Chain()), strict=True
+        )
     )
 
 
@@ -92,8 +94,8 @@ def coupling(part: ActingSkill) -> tuple[str, ...]:
 def coupled_radius(part: ActingSkill) -> float | None:
     """Return R [m] such that motions of a coupled part that start within R never come half a turn away.
 
-    That is ℓπ in the offsets that are charted, in which an angle counts ℓ metres a radian. {V ≤ c} ends before
-    it if P (ℓπ)² − c diag(0, I) ≻ 0, and holds all within R if c I − R² P ≻ 0.
+    That is ℓπ in the offsets that are charted, in which an angle counts ℓ metres a radian. {V ≤ c} ends
+    before it if P (ℓπ)² − c diag(0, I) ≻ 0, and holds all within R if c I − R² P ≻ 0.
 
     Returns:
         None for bent coordinates, of which no such bound is known.
@@ -109,7 +111,7 @@ def coupled_radius(part: ActingSkill) -> float | None:
     turning = identity.copy()
     turning[: turn.rows.start] = 0.0
     scaled = lyapunov * (Dyadic.of(half_turn) * Dyadic.of(half_turn))
-    inverse = np.linalg.inv(part.lyapunov)
+    inverse = np.asarray(np.linalg.inv(part.lyapunov), dtype=np.float64)
     level = largest_proved(
         half_turn**2 / float(np.linalg.eigvalsh(turn.of(inverse))[-1]),
         half_turn,

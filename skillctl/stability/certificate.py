@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillctl.model.skill import ActingSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.stability.blocks import coupled_radius
 from skillctl.stability.parts import MARGIN, certify_part, least
 from skillctl.stability.region import certified_radius
@@ -25,10 +25,12 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
 
     Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. Of
     poses, position and orientation have to contract by themselves; then no motion comes nearer to the
-    orientations half a turn from the target, where its direction is not defined. For the whole it follows: A SEDS or merged skill is one part. A latched combined skill runs one part to its
-    end. An instantaneous one with one attractor, one P and one kind of coordinates shrinks that P-norm
-    whichever part acts, sliding motions included. In all other cases switching can trap a motion on a border
-    between regions: then only a radius around each attractor is proved, and rollouts search for a witness.
+    orientations half a turn from the target, where its direction is not defined. Without that, and for a
+    single part, only a radius is proved. For the whole it follows: A SEDS or merged skill is one part. A
+    latched combined skill runs one part to its end. An instantaneous one with one attractor, one P and one
+    kind of coordinates shrinks that P-norm whichever part acts, sliding motions included. In all other cases
+    switching can trap a motion on a border between regions: then only a radius around each attractor is
+    proved, and rollouts search for a witness.
 
     Args:
         skill: What to certify.
@@ -99,9 +101,10 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
         name = "It" if len(parts) == 1 else f"Part {part.part}"
         known = part.proved or part.radius is not None
         if known and part.rate is not None and part.period is not None:
+            bent = ", in its coordinates," if skill.acting_parts[part.part - 1].coordinates.links else ""
             sentences.append(
-                f"{name} shrinks {_shrunk(skill.acting_parts[part.part - 1], part)}, at every controller period "
-                f"up to {at_least(part.period)} s ({at_most(1 / part.period)} Hz or faster): exact for all "
+                f"{name} shrinks {_shrunk(bent, part)}, at every controller period up to "
+                f"{at_least(part.period)} s ({at_most(1 / part.period)} Hz or faster): exact for all "
                 f"{len(part.components)} components."
             )
         if part.radius is not None and part.coupling:
@@ -117,16 +120,18 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
     return tuple(sentences)
 
 
-def _shrunk(skill: ActingSkill, part: PartCertificate) -> str:
+def _shrunk(bent: str, part: PartCertificate) -> str:
     """Say which distances to the attractor shrink, and how fast."""
-    bent = ", in its coordinates," if skill.coordinates.links else ""
-    whole = "" if part.rate is None else f"the P-distance to its attractor{bent} at {at_least(part.rate)} 1/s"
+
+    def at(rate: float | None) -> str:
+        return f"at {at_least(rate or 0.0)} 1/s or faster"
+
     if not part.blocks:
-        return f"{whole} or faster"
-    position, angle = (0.0 if block.rate is None else block.rate for block in part.blocks)
+        return f"the P-distance to its attractor{bent} {at(part.rate)}"
+    position, orientation = part.blocks
     return (
-        f"the P-distance of the position to its attractor{bent} at {at_least(position)} 1/s or faster, and the "
-        f"angle to the orientation there at {at_least(angle)} 1/s or faster"
+        f"the P-distance of the position to its attractor{bent} {at(position.rate)}, and the angle to the "
+        f"orientation there {at(orientation.rate)}"
     )
 
 

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.coordinates.enclosure import GUARD
+from skillctl.model.pose import Pose
 from skillctl.model.rollout import arrival_distance_of
 from skillctl.model.skill import Skill
-from skillctl.model.pose import Pose
 from skillctl.model.space import Space
 from skillctl.stability.blocks import Block, blocks_of
 from skillctl.stability.parts import proved_rate
@@ -50,7 +50,7 @@ class PartReach:
 class Reach:
     """Bounds of all motions that start in a box and are not disturbed; proved, and rounded to the safe side.
 
-    Of poses, boxes are of positions, and motions start in any orientation (but those exactly 180° from a target's).
+    Of poses, boxes are of positions, and motions start in any orientation but 180° from a target's.
 
     Attributes:
         names: Of the coordinates of a position.
@@ -97,8 +97,8 @@ def bound_reach(
     V falls at every step, so a motion never leaves {V ≤ c}, c the largest V in the start box. In plain
     coordinates c is reached at a vertex, since V is convex, and {V ≤ c} reaches ξᵢ* ± √(c (P⁻¹)ᵢᵢ): exact
     arithmetic. In others, interval arithmetic encloses c and c⁻¹({yᵀPy ≤ c}). The result is a box, hence
-    convex: the straight way between two samples stays in it, too. Of poses V is that of the position, which falls
-    by itself; a motion has arrived when both it and the orientation, from at most half a turn, are near enough.
+    convex: the straight way between two samples stays in it, too. Of poses V is that of the position, which
+    falls by itself; by the arrival the orientation, from at most half a turn, is near enough as well.
 
     What it does not show: where the hand goes after a disturbance, or how far the rest of the arm reaches.
 
@@ -160,7 +160,12 @@ def _part_reach(
         near *= (1 - GUARD) / math.sqrt(1 + len(others))  # each of n blocks within near / √n: all within near
     levels = [(position, level), *((block, _half_turn(part.space, block)) for block in others)]
     times = [
-        _arrival(highest, sublevels_of(block).radius(near), proved_rate(part, skill.outer_speed, period, block), period)
+        _arrival(
+            highest,
+            sublevels_of(block).radius(near),
+            proved_rate(part, skill.outer_speed, period, block),
+            period,
+        )
         for block, highest in levels
     ]
     return PartReach(index + 1, level, tuple(least.tolist()), tuple(most.tolist()), _latest(times))

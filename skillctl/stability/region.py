@@ -33,7 +33,7 @@ def certified_radius(skill: Skill, index: int) -> float | None:
 
     Returns:
         The radius of the largest Euclidean ball inside the largest such ball, in the unit of the space; None
-        if the part does not provably act at its own attractor, or for poses, whose parts have their own charts.
+        if the part does not provably act at its own attractor, or for poses: each part has its own chart.
 
     References:
         Theory page, verification; the bounds are ours.
@@ -59,7 +59,9 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     if not acts_alone(0.0):
         return None
     rho = _largest(acts_alone, start=1 / float(own.slopes.max()))
-    return _within(sublevels_of(whole_of(part)), part.attractor, rho) if bent else _euclidean(rho, part.lyapunov)
+    return (
+        _within(sublevels_of(whole_of(part)), part.attractor, rho) if bent else _euclidean(rho, part.lyapunov)
+    )
 
 
 def _within(sublevels: Sublevels, attractor: FloatArray, radius: float) -> float | None:

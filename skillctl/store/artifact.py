@@ -13,8 +13,8 @@ from pydantic import ValidationError
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
-from skillctl.model.skill import Skill
 from skillctl.model.pose import Pose
+from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
 from skillctl.store.canonical import dump_canonical, load_strict
 from skillctl.store.errors import LaterFeature, Refusal
@@ -87,16 +87,17 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
     """Return the content of an artifact as arrays by path, ``meta.json`` among them.
 
     Raises:
-        InvalidModelError: A text that the format does not allow, such as a name with control characters; or
-            an operation that does not make such a skill.
+        InvalidModelError: A text that the format does not allow, such as a name with control characters; an
+            operation that does not make such a skill; or states that the format does not allow.
     """
-    meta = _meta_of(artifact)
+    meta, contents = _meta_of(artifact), contents_of(artifact)
     try:
         require_ties(meta)
+        _require_states(artifact.skill.space, contents)
     except Refusal as reason:
         raise InvalidModelError(f"this skill cannot be stored: {reason}.") from None
     text = dump_canonical(_dumped(meta))
-    return {**contents_of(artifact), META: np.frombuffer(text, dtype=np.uint8)}
+    return {**contents, META: np.frombuffer(text, dtype=np.uint8)}
 
 
 def contents_of(artifact: Artifact) -> dict[str, Array]:

@@ -35,8 +35,8 @@ class ArraySpec:
 
 
 # B bytes of metadata; K components, M density components and L leaves of the skill tree, stacked from left
-# to right; d dimensions, c of them a position; D demonstrations with N samples altogether; S learned shears of
-# J bumps each; R components of the regions of all parts. Lengths of one name are equal.
+# to right; d dimensions, c of them a position; D demonstrations with N samples altogether; S learned shears
+# of J bumps each; R components of the regions of all parts. Lengths of one name are equal.
 ARRAYS: dict[str, ArraySpec] = {
     META: ArraySpec("<u1", ("B",)),
     "model/priors": ArraySpec("<f8", ("K",)),

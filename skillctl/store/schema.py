@@ -208,7 +208,7 @@ class EuclideanState(Strict):
 
 
 class PoseState(Strict):
-    """What the six numbers of a pose mean; see ``skillctl.model.space.Pose``, whose ``length`` is ℓ [m/rad]."""
+    """What the six numbers of a pose mean; see ``skillctl.model.pose.Pose``; its ``length`` is [m/rad]."""
 
     names: Annotated[tuple[Name, ...], Field(strict=False, min_length=6, max_length=6)]
     unit: Literal["m"]

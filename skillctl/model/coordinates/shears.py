@@ -93,7 +93,11 @@ class Shears(Frozen, Link):
         signs = np.where(np.diagonal(linear) < 0, -1.0, 1.0)
         back = turn * signs  # Uᵀ
         turned = Shears(
-            signs[:, None] * linear, self.directions @ back, self.firsts, self.spacings, self.coefficients @ back
+            signs[:, None] * linear,
+            self.directions @ back,
+            self.firsts,
+            self.spacings,
+            self.coefficients @ back,
         )
         return turned, np.asarray(back.T)
 
