@@ -15,8 +15,9 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import Skill, contraction_period, retargeted
+from skillctl.model.skill import Skill, contraction_period
 from skillctl.model.space import Space
 
 PERIOD = LearnOptions().period  # [s] of a controller, unless the task has another

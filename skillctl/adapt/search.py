@@ -17,7 +17,8 @@ from skillctl.compose.merge import common_members
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.gates import MERGE_GATES
-from skillctl.model.skill import ActingSkill, Skill, contraction_period, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import ActingSkill, Skill, contraction_period
 
 STARTS = 16  # that every candidate is judged from
 GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
