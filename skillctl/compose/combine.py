@@ -39,7 +39,8 @@ def combine(
         part_priors: βᵢ > 0 up to a common factor, one per given part; equal by default.
         gate: ``latched``: chosen at the start and after a disturbance. ``instantaneous``: at every instant;
             with several attractors nothing global is proved of it.
-        align: Move all parts to one attractor; then the start relative to it decides which part acts.
+        align: Move all parts to one attractor; then the start relative to it decides which part acts. Latched
+            parts that move poses keep their own orientation there, unless the target has one.
         target: That attractor, as of ``retargeted``; by default the mean of the parts', weighted by β.
         turn: Whether motions of poses turn with their target.
         disturbance_distance: How far the state has to jump for a new choice, in the unit of the space; by
@@ -61,7 +62,8 @@ def combine(
         if given and not align:
             raise UsageError(f"{what}: the skills keep their own attractors.", hint="Add --align.")
     if align:
-        members = on_one_attractor(members, priors, target, turn=turn)
+        keep = not combine_gate(gate).reselects
+        members = on_one_attractor(members, priors, target, turn=turn, keep=keep)
     if lyapunov is not None:
         members = tuple(with_lyapunov(part, lyapunov) for part in members)
     if disturbance_distance is None:

@@ -122,7 +122,12 @@ def _in_length(leaf: SedsSkill, length: float) -> SedsSkill:
 
 
 def on_one_attractor(
-    parts: Sequence[ActingSkill], weights: FloatArray, target: npt.ArrayLike | None, *, turn: bool = False
+    parts: Sequence[ActingSkill],
+    weights: FloatArray,
+    target: npt.ArrayLike | None,
+    *,
+    turn: bool = False,
+    keep: bool = False,
 ) -> tuple[ActingSkill, ...]:
     """Return the parts moved to ``target`` (d,), or to the weighted mean of their attractors.
 
@@ -131,6 +136,7 @@ def on_one_attractor(
         weights: Shape (parts,).
         target: As of ``retargeted``; a target without orientation gets the mean orientation.
         turn: Whether motions of poses turn with their target.
+        keep: Whether each part keeps its own orientation instead, unless the target has one.
     """
     attractors = np.stack([part.attractor for part in parts])
     space = parts[0].space
@@ -139,6 +145,8 @@ def on_one_attractor(
     goal = attractors[0] if together else space.mean(attractors, weights)
     if target is not None:
         goal = goal_of(space, target, goal)
+    if keep and (target is None or np.size(target) == space.positions):
+        goal = goal[: space.positions]
     return tuple(retargeted(part, goal, turn=turn) for part in parts)
 
 

@@ -23,8 +23,9 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
     """Return the same motion towards ``target`` (d,); all guarantees stay (theory: the motion is relative).
 
     Args:
-        skill: With one attractor.
-        target: Shape (d,). Of poses also (x, y, z, qx, qy, qz, qw), or (x, y, z): the orientation stays then.
+        skill: With attractors in one place.
+        target: Shape (d,). Of poses also (x, y, z, qx, qy, qz, qw), or (x, y, z): orientations stay then,
+            even those of several attractors in one place.
         turn: Of poses: whether the whole motion turns with its target, as if base and target were one body.
             Otherwise it goes the same way to the new target, and ends in another orientation.
 
@@ -32,18 +33,22 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
         UsageError: Wrong number of coordinates, not finite, no unit quaternion, a skill with several
             attractors, or one without orientation that is to turn.
     """
-    attractors, space = skill.attractors, skill.space
+    attractors, space, c = skill.attractors, skill.space, skill.space.positions
     goal = goal_of(space, target, attractors[0])
-    if len(attractors) > 1:
+    together = np.size(target) == c < space.dimension and (attractors[:, :c] == attractors[0, :c]).all()
+    if len(attractors) > 1 and not together:
         raise UsageError(
             f"this skill has {len(attractors)} attractors; it cannot be moved to one target.",
             hint="Combine its parts with --align to give them one target.",
         )
-    if turn and space.positions == space.dimension:
+    if turn and c == space.dimension:
         raise UsageError("turn: this skill moves positions; its target has no orientation to turn with.")
+    moved = skill.carried(attractors[0], goal)
+    if len(attractors) > 1:
+        return moved.with_leaves(lambda leaf: replace(leaf, attractor=np.r_[goal[:c], leaf.attractor[c:]]))
     # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
-    moved = skill.carried(attractors[0], goal).with_leaves(lambda leaf: replace(leaf, attractor=goal))
-    before, after = attractors[0][space.positions :], goal[space.positions :]
+    moved = moved.with_leaves(lambda leaf: replace(leaf, attractor=goal))
+    before, after = attractors[0][c:], goal[c:]
     if not turn or (before == after).all():
         return moved
     return turned(moved, rotations.matrices(after) @ rotations.matrices(before).T)
