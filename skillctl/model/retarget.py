@@ -43,11 +43,9 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
         )
     if turn and c == space.dimension:
         raise UsageError("turn: this skill moves positions; its target has no orientation to turn with.")
-    moved = skill.carried(attractors[0], goal)
-    if len(attractors) > 1:
-        return moved.with_leaves(lambda leaf: replace(leaf, attractor=np.r_[goal[:c], leaf.attractor[c:]]))
-    # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
-    moved = moved.with_leaves(lambda leaf: replace(leaf, attractor=goal))
+    # ξ* + (target − ξ*) may differ from the target in its last bit, so attractors are set once more.
+    ends = iter([np.r_[goal[:c], leaf.attractor[c:]] if together else goal for leaf in skill.leaves])
+    moved = skill.carried(attractors[0], goal).with_leaves(lambda leaf: replace(leaf, attractor=next(ends)))
     before, after = attractors[0][c:], goal[c:]
     if not turn or (before == after).all():
         return moved
