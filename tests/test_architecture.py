@@ -15,7 +15,7 @@ from skillctl.cli.schema import OUTPUTS, schema_of_output
 
 PACKAGE = Path(skillctl.__file__).parent
 ROOT = PACKAGE.parent
-LEAVES = {"errors", "arrays", "progress", "geometry", "rotations", "options"}
+LEAVES = {"errors", "arrays", "progress", "geometry", "rotations", "opening", "options"}
 TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
     "learning",
@@ -42,6 +42,7 @@ EXAMPLES = {
     "a store backend": "LocalBackend",
     "an array in the artifact": "density_covariances",
     "an export": "_npz",
+    "a task clause": "Approach",
 }
 
 # Third-party packages that only some rooms may know.
@@ -50,7 +51,7 @@ ONLY_IN = {
     "pybullet": {"simulation"},
     "pybullet_data": {"simulation"},
     "h5py": {"store", "demonstrations", "simulation"},
-    "pydantic": {"store", "simulation", "usecases", "cli"},
+    "pydantic": {"store", "simulation", "adapt", "usecases", "cli"},
     "typer": {"cli"},
     "rich": {"cli"},
     "PIL": {"simulation", "plotting"},

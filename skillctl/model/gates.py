@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from skillctl.arrays import FloatArray, IntArray
 
 # (h, owners, weights, shares, parameters) -> h̃: h (n, K) holds the weights of all components within their own
-# part, owners (K,) the part of each component, and shares() gives αᵢ pᵢ / Σⱼ αⱼ pⱼ, shape (n, parts).
+# part, owners (K,) the part of each component, weights αᵢ of shape (parts,), or (n, parts) for mergers that
+# differ from state to state, and shares() gives αᵢ pᵢ / Σⱼ αⱼ pⱼ, shape (n, parts).
 Weighting = Callable[
     ["FloatArray", "IntArray", "FloatArray", Callable[[], "FloatArray"], Mapping[str, float]], "FloatArray"
 ]
@@ -58,7 +59,7 @@ class CombineGate:
 
 
 def _superposition(h: Any, owners: Any, weights: Any, shares: Any, parameters: Any) -> Any:
-    return weights[owners] * h
+    return weights[..., owners] * h
 
 
 def _density(h: Any, owners: Any, weights: Any, shares: Any, parameters: Any) -> Any:
@@ -68,7 +69,7 @@ def _density(h: Any, owners: Any, weights: Any, shares: Any, parameters: Any) ->
 def _experts(h: Any, owners: Any, weights: Any, shares: Any, parameters: Any) -> Any:
     # Relative to the largest weight, so that no sharpness makes all powers vanish.
     powers = (h / h.max(axis=-1, keepdims=True)) ** parameters["sharpness"]
-    powers *= weights[owners]
+    powers *= weights[..., owners]
     return powers / powers.sum(axis=-1, keepdims=True)
 
 

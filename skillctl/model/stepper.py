@@ -10,10 +10,11 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import Skill
+from skillctl.model.skill import ActingSkill, Skill
 from skillctl.model.space import Space
 
 SHARES = 40  # tried for the share of a step that keeps a speed cap, in coordinates that bend it
+SHORTENED = 0.9  # tried next of a share of a step that is too long
 CLOSE = 1e-10  # a command that is below the cap by at most this share of it is fast enough
 
 
@@ -130,13 +131,31 @@ class Stepper:
         ahead = np.empty_like(states)
         for index in np.unique(parts):
             mask = parts == index
-            ahead[mask] = skill.acting_parts[index].advanced(states[mask], self.period * skill.outer_speed)
+            ahead[mask] = self._ahead(skill.acting_parts[index], states[mask])
         return Step(ahead, skill.space.difference(ahead, states) / self.period, parts)
+
+    def _ahead(self, part: ActingSkill, states: FloatArray) -> FloatArray:
+        """Return where a step leads from states (n, d): full ones, or as long as coordinates allow."""
+        space, durations = self.skill.space, np.full((len(states), 1), self.period * self.skill.outer_speed)
+        ahead = part.advanced(states, durations)
+        longest = part.coordinates.longest(space.offsets(states, part.attractor))
+        for _ in range(SHARES):
+            taken = space.apart(ahead, states)[0] / longest
+            far = taken > 1
+            if not far.any():
+                break
+            durations[far] *= np.minimum(SHORTENED / taken[far], SHORTENED)[:, None]
+            ahead[far] = part.advanced(states[far], durations[far])
+        return ahead
 
     def _bent(self, state: FloatArray, part: int, caps: Caps, near: FloatArray | None) -> Step:
         """Step one state in a chart, or in coordinates, that are not the identity."""
         space, duration = self.skill.space, self.period * self.skill.outer_speed
-        ahead = self.skill.acting_parts[part].advanced_at(state, near)
+        acting = self.skill.acting_parts[part]
+        ahead = acting.advanced_at(state, near)
+        longest = acting.coordinates.longest_at(space.offset_at(state, acting.attractor, near))
+        if longest < math.inf:
+            caps = Caps(min(caps.speed, longest / self.period), caps.turn)
 
         def command_of(share: float) -> FloatArray:
             """Return the constant velocity that leads to where a share of the full step ends."""
@@ -148,6 +167,10 @@ class Stepper:
             share = _within(lambda share: 1 / caps.allow(space, command_of(share)))
             reached = ahead(share * duration)
             command = space.difference_at(reached.state, state) / self.period
+            if share == 0 and (factor := caps.allow(space, command)) < 1:
+                # The state is inside a body, and led out of it straight: no longer step is known to be safe.
+                command = command * factor
+                return Step(moved(space, state, command, self.period), command, part)
         return Step(reached.state, command, part, reached.offset)
 
 

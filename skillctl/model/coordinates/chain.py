@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import TypeAlias
 
 import numpy as np
@@ -59,6 +60,17 @@ class Link(ABC):
         """Return y = c(x) for one offset (d,), and what leads a velocity ẏ (d,) there back to ẋ (d,)."""
         y, pull = self.tangent(offset[None])
         return y[0], lambda velocity: pull(velocity[None])[0]
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move from offsets (n, d) in a straight line. Shape (n,); infinite here.
+
+        Between two states the robot moves straight, which is not what the map says of states in between.
+        """
+        return np.full(len(offsets), np.inf)
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,) in a straight line, as ``longest`` does."""
+        return inf
 
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
@@ -113,6 +125,14 @@ class Chain(Link):
         for link in reversed(self.links):
             low, high = link.bounds_back(low, high)
         return low, high
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move in a straight line; see ``Link``. Only the first link knows it."""
+        return self.links[0].longest(offsets) if self.links else np.full(len(offsets), np.inf)
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,); see ``longest``."""
+        return self.links[0].longest_at(offset) if self.links else inf
 
     def in_unit(self, unit: float) -> Chain:
         """Return the same coordinates in other lengths; see ``Link``."""
@@ -169,6 +189,14 @@ class OnPosition(Link):
         return self._with(y, offsets), lambda velocities: self._with(
             pull(velocities[:, : self.size]), velocities
         )
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a position may move in a straight line; see ``Link``."""
+        return self.link.longest(offsets[:, : self.size])
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a position may move from one offset (d,); see ``Link``."""
+        return self.link.longest_at(offset[: self.size])
 
     def in_unit(self, unit: float) -> OnPosition:
         """Return the same map in other lengths; see ``Link``."""

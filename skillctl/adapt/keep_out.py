@@ -1,0 +1,151 @@
+"""Keep-out clauses: bodies that the hand must not touch, and how far points are from them."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from skillctl.adapt.clauses import Clause, NotNegative, Number, Paths, Positive, Vector, lengths
+from skillctl.arrays import FloatArray
+
+NEWTON_STEPS = 15  # towards the nearest point of an ellipsoid; from below it converges quadratically
+TINY = 1e-300
+
+
+class KeepOut(Clause):
+    """The hand never comes nearer to a convex body than ``clearance``; [m].
+
+    The margin is the smallest distance of the hand to the body, without the clearance. Between two samples
+    the hand moves straight, and a distance changes by no more than the way: with distances a and b at the
+    ends of a step of length s it is nowhere less than (a + b − s) / 2.
+
+    Attributes:
+        centre: Its middle, in the skill's frame, [m].
+        clearance: Distance to keep, [m], beyond the radius of the hand.
+    """
+
+    unit: ClassVar[str] = "m"
+    signal: ClassVar[str] = "G (distance ≥ clearance)"
+
+    centre: Vector
+    clearance: NotNegative = 0.0
+
+    def margins(self, paths: Paths) -> FloatArray:
+        """Return the least distance between the hand and the body, beyond the clearance."""
+        distances = self.distances(paths.positions)
+        between = 0.5 * (distances[:, 1:] + distances[:, :-1] - paths.lengths)
+        least = np.minimum(distances.min(axis=1), between.min(axis=1, initial=np.inf))
+        return np.asarray(least - self.clearance - paths.hand_radius)
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points (..., d) to the surface, negative inside. Shape (...), [m]."""
+        raise NotImplementedError
+
+    def _offsets(self, points: FloatArray) -> FloatArray:
+        return np.asarray(points - np.array(self.centre))
+
+
+class KeepOutBall(KeepOut):
+    """All points within ``radius`` [m] of the centre."""
+
+    kind: Literal["ball"]
+    radius: Positive
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return ‖x − c‖ − r; see ``KeepOut``."""
+        return np.asarray(lengths(self._offsets(points)) - self.radius)
+
+
+class KeepOutTurned(KeepOut):
+    """A body with axes of its own.
+
+    Attributes:
+        turn: Rotation of its axes: a rotation vector in space, an angle in the plane, [rad]; empty: none.
+    """
+
+    turn: tuple[Number, ...] = ()
+
+    def _offsets(self, points: FloatArray) -> FloatArray:
+        offsets = points - np.array(self.centre)
+        return np.asarray(offsets @ _rotation(self.turn)) if self.turn else offsets
+
+
+class KeepOutEllipsoid(KeepOutTurned):
+    """An ellipsoid with semi-axes ``radii`` [m] along its own axes."""
+
+    kind: Literal["ellipsoid"]
+    radii: Annotated[tuple[Positive, ...], Field(min_length=1)]
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the distance outside, and inside a number between that and zero; see ``KeepOut``.
+
+        The nearest point of u is yᵢ = aᵢ² uᵢ / (aᵢ² + t) with Σ (aᵢ uᵢ / (aᵢ² + t))² = 1; the sum is convex
+        and falls with t, so Newton's method from below does not overshoot.
+        """
+        u, a = np.abs(self._offsets(points)), np.array(self.radii)
+        t = np.maximum((a * u - a * a).max(axis=-1), 0.0)
+        for _ in range(NEWTON_STEPS):
+            terms = a * u / (a * a + t[..., None])
+            value, slope = (terms**2).sum(axis=-1), (terms**2 / (a * a + t[..., None])).sum(axis=-1)
+            t = t + np.maximum(value - 1, 0.0) / np.maximum(2 * slope, TINY)
+        outside = lengths(u - a * a * u / (a * a + t[..., None]))
+        gauge = lengths(u / a)
+        return np.asarray(np.where(gauge > 1, outside, (gauge - 1) * a.min()))
+
+
+class KeepOutBox(KeepOutTurned):
+    """A box with edges ``size`` [m] along its own axes."""
+
+    kind: Literal["box"]
+    size: Annotated[tuple[Positive, ...], Field(min_length=1)]
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the distance to the nearest face, edge or corner; see ``KeepOut``."""
+        return _beyond(np.abs(self._offsets(points)) - 0.5 * np.array(self.size))
+
+
+class KeepOutCylinder(KeepOutTurned):
+    """A cylinder in space along its own third axis, upright unless turned; radius and height in m."""
+
+    kind: Literal["cylinder"]
+    centre: tuple[Number, Number, Number]
+    radius: Positive
+    height: Positive
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the distance to the nearest part of side, lid or rim; see ``KeepOut``."""
+        u = self._offsets(points)
+        around = np.hypot(u[..., 0], u[..., 1]) - self.radius
+        return _beyond(np.stack([around, np.abs(u[..., 2]) - 0.5 * self.height], axis=-1))
+
+
+Body: TypeAlias = Annotated[
+    KeepOutBall | KeepOutEllipsoid | KeepOutBox | KeepOutCylinder, Field(discriminator="kind")
+]
+BODIES: tuple[type[KeepOut], ...] = (KeepOutBall, KeepOutEllipsoid, KeepOutBox, KeepOutCylinder)
+
+
+def box_between(low: Any, high: Any) -> dict[str, Any]:
+    """Return the entries of a box from its lowest to its highest corner, (d,) each."""
+    middle, size = 0.5 * (np.asarray(low) + np.asarray(high)), np.asarray(high) - np.asarray(low)
+    return {"kind": "box", "centre": middle.tolist(), "size": size.tolist()}
+
+
+def _beyond(over: FloatArray) -> FloatArray:
+    """Return the signed distance from how far each of several conditions (..., k) is exceeded."""
+    deepest = reduce(np.maximum, np.moveaxis(over, -1, 0))  # much faster than a maximum along a short axis
+    return np.asarray(lengths(np.maximum(over, 0.0)) + np.minimum(deepest, 0.0))
+
+
+def _rotation(turn: tuple[float, ...]) -> FloatArray:
+    """Return the rotation by an angle, or by a rotation vector (Rodrigues), whose columns are the axes."""
+    angle = float(np.linalg.norm(turn))
+    if len(turn) == 1:
+        c, s = np.cos(turn[0]), np.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    x, y, z = np.array(turn) / max(angle, TINY)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
