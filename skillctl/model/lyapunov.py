@@ -26,8 +26,8 @@ class QuadraticForm(Frozen):
     def __post_init__(self) -> None:
         matrix = frozen_array("lyapunov", self.matrix, (None, None))
         object.__setattr__(self, "matrix", frozen_array("lyapunov", matrix, (len(matrix),) * 2))
-        require_moderate("lyapunov", self.matrix)
         require_spd("lyapunov", self.matrix)
+        require_moderate("lyapunov", self.matrix)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, QuadraticForm) and bool(np.array_equal(self.matrix, other.matrix))
