@@ -77,8 +77,8 @@ def _in_degrees(name: str, words: str, quaternions: Conversion) -> Convention:
     return Convention(f"{name}-deg", words, 3, lambda numbers: quaternions(np.deg2rad(numbers)))
 
 
-_RPY = "roll, pitch, yaw, turns about the fixed axes x, y, z in this order, in"
-_ROTVEC = "a rotation vector, axis times angle, in"
+_RPY = "turns about the fixed axes x, y and z, in this order, in"
+_ROTVEC = "a rotation vector (axis times angle) in"
 CONVENTIONS = {
     each.name: each
     for each in (
@@ -140,13 +140,13 @@ def quaternions_of(recording: Recording, samples: IntArray) -> tuple[FloatArray,
     def refuse(where: Any, words: str, hint: str = LEAVE) -> None:
         if where.any():
             place = recording.where(int(samples[np.argmax(where)]))
-            raise InputDataError(f"{recording.label}, {place}: {words}.", hint=hint)
+            raise InputDataError(f"{recording.label}, {place}: {words}", hint=hint)
 
-    refuse(~np.isfinite(numbers).all(axis=1), "its orientation is not finite")
+    refuse(~np.isfinite(numbers).all(axis=1), "its orientation is not finite.")
     refuse(
         (convention.angles(numbers) > TURN).any(axis=1),
         f"its orientation turns by up to {np.max(convention.angles(numbers), initial=0):.4g} rad; are these "
-        "degrees",
+        "degrees?",
         f"If so, say --orientation {convention.name}-deg, or write the unit in the header, as in roll_deg.",
     )
     quaternions = convention.quaternions(numbers)
@@ -157,10 +157,10 @@ def quaternions_of(recording: Recording, samples: IntArray) -> tuple[FloatArray,
         off = np.abs(square @ square.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
         what = "rotation matrices are not orthonormal"
         mirrored = (off <= DISTORTED) & (np.linalg.det(square) < 0)
-        refuse(mirrored, "its rotation matrix is left-handed, it mirrors (its determinant is -1)")
+        refuse(mirrored, "its rotation matrix is left-handed, it mirrors (its determinant is -1).")
     zero = (numbers == 0).all(axis=1) & (off > DISTORTED)
-    refuse(zero, "its orientation is all zeros, which is none; was it not measured")
-    refuse(off > DISTORTED, f"{what}, by {np.max(off):.0%}; are these columns the orientation")
+    refuse(zero, "its orientation is all zeros, which is none; was it not measured?")
+    refuse(off > DISTORTED, f"{what}, by {np.max(off):.0%}; are these columns the orientation?")
     worst = float(np.max(off))
     notes = (f"{recording.label}: {what}, by {worst:.1%}; they are corrected.",) if worst > ROUNDED else ()
     return _one_sign(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)), notes

@@ -154,7 +154,7 @@ def test_orientations_of_poses_and_transforms_are_read(save, curve, kind: str) -
     (demonstration,) = result.demonstrations
     expected = np.column_stack([motion, 0 * angles, 0 * angles, angles])
     assert np.abs(demonstration.positions - expected).max() <= 1e-15  # [rad], of float64
-    assert result.notes[1].startswith("the orientation is qx, qy, qz, qw, a quaternion x, y, z, w; ")
+    assert result.notes[1].startswith("the orientation is qx, qy, qz, qw: a quaternion x, y, z, w; ")
     assert read_demonstrations([path], position_only=True).demonstrations.dimension == 3
 
 

@@ -130,7 +130,7 @@ def test_the_hand_is_read_of_every_episode(save, motions, version: str) -> None:
 
 def test_the_orientation_of_the_hand_is_read_from_its_own_state(save, motions) -> None:
     result = read_demonstrations([save("v2.1", **HAND_STATE, **ACTION)])
-    assert result.notes[0].startswith("the orientation is roll, pitch, yaw, roll, pitch, yaw, turns about")
+    assert result.notes[0].startswith("the orientation is roll, pitch, yaw: turns about")
     assert "left aside: gripper_6, gripper_7; " in result.notes[1]
     turn = Rotation.from_euler("xyz", [3, 4, 5])  # small letters: about fixed axes
     for demonstration, motion in zip(result.demonstrations, motions, strict=True):

@@ -241,7 +241,7 @@ def test_quaternions_of_robomimic_are_x_y_z_w(save_robomimic) -> None:
         result = read_demonstrations([path], columns=columns)
         assert apart(turned(result.demonstrations)) <= CLOSE
     result = read_demonstrations([path])
-    assert result.notes[0].startswith("the orientation is robot0_eef_quat, a quaternion x, y, z, w; ")
+    assert result.notes[0].startswith("the orientation is robot0_eef_quat: a quaternion x, y, z, w; ")
     assert "left aside: robot0_eef_quat_site; use --columns" in result.notes[1]
     assert read_demonstrations([path], position_only=True).demonstrations.dimension == 3
     one_by_one = [f"robot0_eef_pos_{i}" for i in range(3)]
