@@ -19,7 +19,7 @@ DISTORTED = 0.05  # and so much is refused
 TURN = 6.6  # [rad]; angles of a hand are smaller than a turn, unless they are degrees
 HALF_TURN = np.pi  # [rad]; a skill reaches its end from orientations less far from it
 STILL = np.deg2rad(1.0)  # [rad]; recorders shake by less
-USUAL_LENGTH = 0.2  # [m/rad]; RoboTasks, where hands turn by 70 to 90°, have 0.33 to 0.45
+LENGTHS = (0.05, 0.5)  # [m/rad]; RoboTasks, where hands turn by 70 to 90°, have 0.36 and 0.42
 LEAVE = "Correct it, leave this demonstration out, or learn positions only with --position-only."  # hint
 HOMOGENEOUS = 16  # numbers of a 4 × 4 matrix
 
@@ -206,15 +206,15 @@ def characteristic_length(motions: Sequence[FloatArray]) -> float:
     """Return how many metres of motions weigh as much as a radian of them, [m/rad].
 
     It is the ratio of the root mean squares of the distances from the end, over all samples of motions of
-    poses (T, 6), each motion counting alike; USUAL_LENGTH where the hand hardly turns or never moves.
+    poses (T, 6), each motion counting alike; within LENGTHS. Where a hand hardly turns, a degree of its
+    shaking would otherwise weigh as much as centimetres of its way.
     """
     moved = turned = 0.0
     for states in motions:
         moved += float(np.mean(np.sum((states[:, :3] - states[-1, :3]) ** 2, axis=1)))
         turned += float(np.mean(rotations.angles(states[:, 3:], states[-1, 3:]) ** 2))
-    if turned <= STILL**2 * len(motions) or moved == 0:
-        return USUAL_LENGTH
-    return float(np.sqrt(moved / turned))
+    ratio = np.sqrt(moved / turned) if turned > 0 else np.inf
+    return float(np.clip(ratio, *LENGTHS))
 
 
 def is_still(quaternions: Sequence[FloatArray]) -> bool:

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.orientation import STILL, USUAL_LENGTH
+from skillctl.demonstrations.orientation import LENGTHS, STILL
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
@@ -214,20 +214,20 @@ def test_a_still_orientation_is_kept(read_text: Text) -> None:
     still = np.tile(END.as_quat(), (SAMPLES, 1))
     result = read_text(table("t,x,y,z,qx,qy,qz,qw", still))
     assert apart(turned(result.demonstrations), END) <= 10 * WRITTEN
-    assert result.demonstrations.space == Pose(length=USUAL_LENGTH)
+    assert result.demonstrations.space == Pose(length=LENGTHS[1])
     assert "the orientation does not change; the skill keeps it." in result.notes
 
 
 def test_the_characteristic_length_is_the_ratio_of_the_spreads(write) -> None:
-    # A hand that moves straight by 0.4 m while it turns by 0.8 rad about one axis has 0.5 m/rad everywhere.
+    # A hand that moves straight by 0.2 m while it turns by 0.8 rad about one axis has 0.25 m/rad everywhere.
     paths: list[Path] = []
     for way in (t, DONE):
-        rows = np.column_stack([TIMES, np.outer(1 - way, [0.4, 0, 0, 0, 0, 0.8])])
+        rows = np.column_stack([TIMES, np.outer(1 - way, [0.2, 0, 0, 0, 0, 0.8])])
         lines = [",".join(map(repr, row)) for row in rows.tolist()]
         paths.append(write("\n".join(["t,x,y,z,rx,ry,rz", *lines]), f"{len(paths)}.csv"))
     space = read_demonstrations(paths).demonstrations.space
     assert isinstance(space, Pose)
-    assert abs(space.length - 0.5) <= CLOSE
+    assert abs(space.length - 0.25) <= CLOSE
 
 
 # ------------------------------------------------------------------------------------------- data sets
