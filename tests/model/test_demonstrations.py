@@ -83,4 +83,6 @@ def test_motions_of_poses_move_with_their_target(turn):
     there = Rotation.from_rotvec(after.positions[:, 3:].copy())
     turned = (between * Rotation.from_rotvec(states[:, 3:])).inv() * there
     assert turned.magnitude().max() <= 1e-14
-    assert np.allclose(after.velocities[:, 3:], between.apply(motion.velocities[:, 3:]), rtol=0, atol=1e-12)
+    assert np.allclose(
+        after.velocities[:, 3:], between.apply(motion.velocities[:, 3:].copy()), rtol=0, atol=1e-12
+    )
