@@ -65,7 +65,7 @@ def with_regions(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet
     taught = _taught(skill, demonstrations)
     if not any(taught):
         return skill
-    return replace(skill, regions=_regions([part.density for part in skill.parts], taught))
+    return replace(skill, regions=_regions(skill, [part.density for part in skill.parts], taught))
 
 
 def coverage(
@@ -123,7 +123,7 @@ def same_targets(skill: CombinedSkill) -> tuple[tuple[int, int, float], ...]:
     Parts are counted from 1; parts of exactly one attractor are not named.
     """
     ends, tolerance = skill.part_attractors, _tolerance(skill)
-    gaps = [(i, j, float(np.linalg.norm(ends[i] - ends[j]))) for i, j in combinations(range(len(ends)), 2)]
+    gaps = [(i, j, skill.space.distance_at(ends[i], ends[j])) for i, j in combinations(range(len(ends)), 2)]
     return tuple((i + 1, j + 1, gap) for i, j, gap in gaps if 0 < gap <= tolerance)
 
 
@@ -210,7 +210,7 @@ def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet 
     """
     return np.array(
         [
-            leaf.attractor + (motion.positions[0] - motion.positions[-1])
+            _from_its_end(motion.positions, leaf)[0]
             for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
             for motion in motions or ()
         ]
@@ -243,15 +243,25 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
     found: list[_Taught | None] = []
     for part in skill.parts:
         motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
-        paths = tuple(part.attractor + (motion.positions - motion.positions[-1]) for motion in motions)
+        paths = tuple(_from_its_end(motion.positions, part) for motion in motions)
         found.append(_Taught(paths, max(motion.duration for motion in motions)) if motions else None)
     return found
 
 
+def _from_its_end(states: FloatArray, part: ActingSkill) -> FloatArray:
+    """Return a motion (T, d) laid out so that it ends at the attractor of a part."""
+    return part.space.placed(part.space.offsets(states, states[-1]), part.attractor)
+
+
 def _regions(
-    densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
+    skill: CombinedSkill, densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
 ) -> tuple[GaussianMixture, ...]:
-    return regions(densities, [None if motions is None else motions.starts for motions in taught])
+    """Return the regions of the parts, each in its own chart."""
+    starts = [
+        None if motions is None else part.charted(motions.starts)
+        for part, motions in zip(skill.parts, taught, strict=True)
+    ]
+    return regions(densities, starts)
 
 
 def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], index: int) -> FloatArray | None:
@@ -270,16 +280,18 @@ def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], ind
         left = numbers % folds == fold
         rest = replace(own, paths=tuple(own.paths[i] for i in numbers[~left]))
         densities[index], others[index] = _relearned(part, np.vstack(rest.paths)), rest
-        region = _regions(densities, others)[index] if skill.regions else densities[index]
-        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(own.starts[left])
+        region = _regions(skill, densities, others)[index] if skill.regions else densities[index]
+        charted = part.charted(own.starts[left])
+        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(charted)
     return scores
 
 
 def _relearned(part: ActingSkill, positions: FloatArray) -> GaussianMixture:
     """Return the position density of a part after one step of EM on other positions (n, d)."""
-    floor = POSITION_FLOOR * float(((positions - part.attractor) ** 2).sum(axis=1).mean())
-    shares = expectation(part.density.log_joint(positions).T)
-    return GaussianMixture(*position_moments(shares, positions, floor))
+    charted = part.charted(positions)
+    floor = POSITION_FLOOR * float(((charted - part.anchor) ** 2).sum(axis=1).mean())
+    shares = expectation(part.density.log_joint(charted).T)
+    return GaussianMixture(*position_moments(shares, charted, floor))
 
 
 def _most_frequent(parts: IntArray) -> int | None:
@@ -296,6 +308,6 @@ def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: floa
     """Return which motions arrive at the attractor of part ``index``, or at one that is not told from it."""
     period = float(np.clip(0.5 * contraction_period(skill), longest / STEPS[1], longest / STEPS[0]))
     result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
-    distances = np.linalg.norm(result.positions[:, -1, None] - skill.part_attractors, axis=2)
+    distances = skill.space.distance(result.positions[:, -1, None], skill.part_attractors)
     near = distances[:, index] <= distances.min(axis=1) + _tolerance(skill)
     return np.asarray(result.arrived & near)

@@ -51,7 +51,7 @@ def leave_out_in_turn(
         kept = tuple(d for i, d in enumerate(demonstrations) if i % folds != fold)
         skill = fit(DemonstrationSet(kept, demonstrations.space), options).skill
         left_out = {
-            i: d.translated(skill.attractor - d.positions[-1])
+            i: d.ending_at(skill.attractor, demonstrations.space)
             for i, d in enumerate(demonstrations)
             if i % folds == fold
         }

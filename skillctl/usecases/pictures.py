@@ -149,10 +149,15 @@ def bounds_of(certificate: Certificate) -> Bounds:
         words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
         verdict=words,
-        rate=certificate.rate if everywhere else None,
+        rates=_rates(certificate) if everywhere else (None, None),
         radii=tuple(part.radius for part in certificate.parts),
         witness=certificate.sampling.witness if certificate.sampling else None,
     )
+
+
+def _rates(certificate: Certificate) -> tuple[float | None, ...]:
+    """Return the proved rate of motions: one, or those of position and orientation apart."""
+    return (certificate.rate, certificate.rate)
 
 
 def _write(path: Path, figure: Drawing) -> None:
