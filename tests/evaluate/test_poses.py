@@ -51,10 +51,11 @@ def test_attractors_and_motions_are_apart_in_metres_and_in_radians(grasp, make_p
     assert behaviour.attractors == 0
     assert behaviour.attractors_angle == pytest.approx(TURN)
     (leaf,) = leaf_differences(grasp, other)
-    assert (leaf.attractor, leaf.attractor_angle) == (0, pytest.approx(TURN))
+    assert leaf.attractor == 0
+    assert leaf.attractor_angle == pytest.approx(TURN)
     # The motions start in the same orientations, and end in those of their targets.
     assert behaviour.rollouts_angle == pytest.approx(TURN, rel=0.05)
-    further = retargeted(grasp, grasp.attractor + [0.02, 0, 0, 0, 0, 0])
+    further = retargeted(grasp, grasp.attractor + 0.02 * np.eye(6)[0])
     behaviour = compared(grasp, further, motions)
     assert behaviour.attractors == pytest.approx(0.02)
     assert behaviour.attractors_angle <= 1e-12

@@ -75,7 +75,7 @@ def test_parts_with_other_orientations_have_their_own_angles(make_pose_skill, ma
     both = CombinedSkill(parts, np.array([0.5, 0.5]))
     shown = portrait_of("both", both, [make_pose_motions(part) for part in parts])
     angles = draw_skill(shown, "combined").axes[3]
-    ends = [line.get_ydata()[-1] for line in angles.get_lines()]
+    ends = [np.asarray(line.get_ydata())[-1] for line in angles.get_lines()]
     assert max(ends) < 1  # [°]: every motion ends where its own part ends
 
 
