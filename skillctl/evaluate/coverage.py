@@ -65,7 +65,7 @@ def with_regions(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet
     taught = _taught(skill, demonstrations)
     if not any(taught):
         return skill
-    return replace(skill, regions=_regions(skill, [part.density for part in skill.parts], taught))
+    return replace(skill, regions=_regions([part.density for part in skill.parts], taught))
 
 
 def coverage(
@@ -123,7 +123,8 @@ def same_targets(skill: CombinedSkill) -> tuple[tuple[int, int, float], ...]:
     Parts are counted from 1; parts of exactly one attractor are not named.
     """
     ends, tolerance = skill.part_attractors, _tolerance(skill)
-    gaps = [(i, j, skill.space.distance_at(ends[i], ends[j])) for i, j in combinations(range(len(ends)), 2)]
+    distance = skill.space.distance
+    gaps = [(i, j, float(distance(ends[i], ends[j]))) for i, j in combinations(range(len(ends)), 2)]
     return tuple((i + 1, j + 1, gap) for i, j, gap in gaps if 0 < gap <= tolerance)
 
 
@@ -210,7 +211,7 @@ def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet 
     """
     return np.array(
         [
-            _from_its_end(motion.positions, leaf)[0]
+            skill.space.carried(motion.positions[0], motion.positions[-1], leaf.attractor)
             for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
             for motion in motions or ()
         ]
@@ -222,17 +223,27 @@ class _Taught:
     """The demonstrations of one part, laid out from where the part's attractor is now.
 
     Attributes:
-        paths: Shape (samples, d) each.
+        part: The part.
+        paths: Charted states, shape (samples, d) each.
         longest: Duration of the longest, [s].
     """
 
+    part: ActingSkill
     paths: tuple[FloatArray, ...]
     longest: float
 
     @property
-    def starts(self) -> FloatArray:
-        """Where they begin. Shape (n, d)."""
+    def places(self) -> FloatArray:
+        """Charted states at which they begin. Shape (n, d)."""
         return np.stack([path[0] for path in self.paths])
+
+    @property
+    def starts(self) -> FloatArray:
+        """States in which they begin. Shape (n, d)."""
+        part = self.part
+        return (
+            self.places if part.space.flat else part.space.placed(self.places - part.anchor, part.attractor)
+        )
 
 
 def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> list[_Taught | None]:
@@ -243,25 +254,17 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
     found: list[_Taught | None] = []
     for part in skill.parts:
         motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
-        paths = tuple(_from_its_end(motion.positions, part) for motion in motions)
-        found.append(_Taught(paths, max(motion.duration for motion in motions)) if motions else None)
+        paths = tuple(
+            part.anchor + part.space.offsets(motion.positions, motion.positions[-1]) for motion in motions
+        )
+        found.append(_Taught(part, paths, max(motion.duration for motion in motions)) if motions else None)
     return found
 
 
-def _from_its_end(states: FloatArray, part: ActingSkill) -> FloatArray:
-    """Return a motion (T, d) laid out so that it ends at the attractor of a part."""
-    return part.space.placed(part.space.offsets(states, states[-1]), part.attractor)
-
-
 def _regions(
-    skill: CombinedSkill, densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
+    densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
 ) -> tuple[GaussianMixture, ...]:
-    """Return the regions of the parts, each in its own chart."""
-    starts = [
-        None if motions is None else part.charted(motions.starts)
-        for part, motions in zip(skill.parts, taught, strict=True)
-    ]
-    return regions(densities, starts)
+    return regions(densities, [None if motions is None else motions.places for motions in taught])
 
 
 def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], index: int) -> FloatArray | None:
@@ -280,18 +283,16 @@ def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], ind
         left = numbers % folds == fold
         rest = replace(own, paths=tuple(own.paths[i] for i in numbers[~left]))
         densities[index], others[index] = _relearned(part, np.vstack(rest.paths)), rest
-        region = _regions(skill, densities, others)[index] if skill.regions else densities[index]
-        charted = part.charted(own.starts[left])
-        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(charted)
+        region = _regions(densities, others)[index] if skill.regions else densities[index]
+        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(own.places[left])
     return scores
 
 
 def _relearned(part: ActingSkill, positions: FloatArray) -> GaussianMixture:
-    """Return the position density of a part after one step of EM on other positions (n, d)."""
-    charted = part.charted(positions)
-    floor = POSITION_FLOOR * float(((charted - part.anchor) ** 2).sum(axis=1).mean())
-    shares = expectation(part.density.log_joint(charted).T)
-    return GaussianMixture(*position_moments(shares, charted, floor))
+    """Return the position density of a part after one step of EM on other charted states (n, d)."""
+    floor = POSITION_FLOOR * float(((positions - part.anchor) ** 2).sum(axis=1).mean())
+    shares = expectation(part.density.log_joint(positions).T)
+    return GaussianMixture(*position_moments(shares, positions, floor))
 
 
 def _most_frequent(parts: IntArray) -> int | None:

@@ -11,6 +11,7 @@ from skillctl.arrays import FloatArray, length
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.avoid import Avoidance
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
@@ -30,16 +31,30 @@ class Motion:
     """
 
     def __init__(
-        self, skill: Skill, placement: Placement, scenario: Scenario, period: float = CONTROL_PERIOD
+        self,
+        skill: Skill,
+        placement: Placement,
+        scenario: Scenario,
+        period: float = CONTROL_PERIOD,
+        avoid: Avoidance | None = None,
     ) -> None:
-        """Args: skill, already moved to its target; placement; scenario, for the limits; period, [s]."""
+        """Make the motion of a skill.
+
+        Args:
+            skill: Already moved to its target.
+            placement: In the workspace.
+            scenario: For the limits.
+            period: Of control, [s].
+            avoid: What keeps it out of the scene, if anything does.
+        """
         self._skill = skill
         self._period = period
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
-        self._controller = Controller(skill, period, allow_unproved=True)
-        self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
+        self._avoid = avoid
         self._moved = np.zeros(len(placement.origin))
+        self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
+        self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._speed = 0.0
 
     def move(self, offset: FloatArray) -> None:
@@ -49,6 +64,11 @@ class Motion:
         """
         self._moved = self._moved + offset
         self._ends = self._ends + offset
+        if self._avoid is not None:  # the cup moves with the skill, the boards do not
+            self._controller.follow(self._among_bodies())
+
+    def _among_bodies(self) -> Skill:
+        return self._skill if self._avoid is None else self._avoid.applied(self._skill, self._moved)
 
     @property
     def part(self) -> int:
@@ -116,9 +136,10 @@ def plan_motion(
     start: FloatArray,
     *,
     farthest: float = WORKSPACE_RADIUS,
+    avoid: Avoidance | None = None,
 ) -> Plan:
     """Return the ideal motion from a workspace position (3,); it ends ``farthest`` from zero, [m]."""
-    motion = Motion(skill, placement, scenario)
+    motion = Motion(skill, placement, scenario, avoid=avoid)
     position = start
     positions = [position]
     arrived = False

@@ -20,8 +20,8 @@ TURN = 0.3  # [rad]
 
 
 @pytest.fixture(scope="module")
-def grasp(make_pose_skill):
-    return make_pose_skill()
+def grasp(make_grasp):
+    return make_grasp()
 
 
 def compared(a, b, motions):
@@ -34,17 +34,17 @@ def turned_by(skill, angle):
     return retargeted(skill, [*skill.attractor[:3], *turned.as_quat()])
 
 
-def test_a_skill_is_like_itself_and_a_quaternions_sign_is_no_difference(grasp, make_pose_motions):
+def test_a_skill_is_like_itself_and_a_quaternions_sign_is_no_difference(grasp, make_grasp_motions):
     target = grasp.space.given(grasp.attractor)
     other_side = retargeted(grasp, [*target[:3], *(-value for value in target[3:])])
-    behaviour = compared(grasp, other_side, make_pose_motions(grasp))
+    behaviour = compared(grasp, other_side, make_grasp_motions(grasp))
     assert behaviour.same
     assert behaviour.grid.points == 3**6
     assert behaviour.attractors_angle <= 1e-12
 
 
-def test_attractors_and_motions_are_apart_in_metres_and_in_radians(grasp, make_pose_motions):
-    motions = make_pose_motions(grasp)
+def test_attractors_and_motions_are_apart_in_metres_and_in_radians(grasp, make_grasp_motions):
+    motions = make_grasp_motions(grasp)
     other = turned_by(grasp, TURN)
     behaviour = compared(grasp, other, motions)
     assert not behaviour.same
@@ -61,11 +61,11 @@ def test_attractors_and_motions_are_apart_in_metres_and_in_radians(grasp, make_p
     assert behaviour.attractors_angle <= 1e-12
 
 
-def test_a_field_that_only_turns_faster_differs_in_turning_only(grasp, make_pose_motions):
+def test_a_field_that_only_turns_faster_differs_in_turning_only(grasp, make_grasp_motions):
     matrices = grasp.system_matrices.copy()
     matrices[:, 3:, 3:] *= 1.5
     faster = replace(grasp, system_matrices=matrices)
-    field = compared(grasp, faster, make_pose_motions(grasp)).demonstrations
+    field = compared(grasp, faster, make_grasp_motions(grasp)).demonstrations
     assert field.greatest == 0
     assert field.greatest_turn == pytest.approx(0.5 * field.turn)
     assert not field.within
@@ -77,8 +77,8 @@ def test_positions_have_no_angles(make_skill):
     assert behaviour.attractors_angle is behaviour.grid.greatest_turn is None
 
 
-def test_starts_are_laid_out_around_targets_where_they_are_now(grasp, make_pose_motions):
-    motions = make_pose_motions(grasp)
+def test_starts_are_laid_out_around_targets_where_they_are_now(grasp, make_grasp_motions):
+    motions = make_grasp_motions(grasp)
     moved = retargeted(grasp, [0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8])
     starts = demonstrated_starts(moved, [motions])
     taught = np.stack([motion.positions[0] for motion in motions])
@@ -86,9 +86,9 @@ def test_starts_are_laid_out_around_targets_where_they_are_now(grasp, make_pose_
     assert np.abs(moved.space.offsets(starts, moved.attractor) - expected).max() < 1e-12
 
 
-def test_parts_that_end_in_other_orientations_keep_their_starts(make_pose_skill, make_pose_motions):
-    parts = make_pose_skill(), make_pose_skill((0.2, 0.4, 0.3, 0.0, 1.0, 0.0))
-    taught = [make_pose_motions(part, 4) for part in parts]
+def test_parts_that_end_in_other_orientations_keep_their_starts(make_grasp, make_grasp_motions):
+    parts = make_grasp(), make_grasp((0.2, 0.4, 0.3, 0.0, 1.0, 0.0))
+    taught = [make_grasp_motions(part, 4) for part in parts]
     skill = with_regions(CombinedSkill(parts, np.array([0.5, 0.5])), taught)
     assert [(part.selected, part.kept) for part in coverage(skill, taught)] == [(1.0, 1.0)] * 2
     for index, motions in enumerate(taught):

@@ -18,9 +18,9 @@ COLOURS = [line["color"] for line in style.AXES.values()]
 
 
 @pytest.fixture(scope="module")
-def grasp(make_pose_skill, make_pose_motions):
-    skill = make_pose_skill()
-    return portrait_of("grasp", skill, [make_pose_motions(skill)])
+def grasp(make_grasp, make_grasp_motions):
+    skill = make_grasp()
+    return portrait_of("grasp", skill, [make_grasp_motions(skill)])
 
 
 def turned(states, target):
@@ -70,10 +70,10 @@ def test_the_angle_from_the_target_is_drawn_over_time(grasp, lines, texts):
     assert "hand's z axis" in texts(figure)
 
 
-def test_parts_with_other_orientations_have_their_own_angles(make_pose_skill, make_pose_motions, lines):
-    parts = make_pose_skill(), make_pose_skill((0.5, -0.1, 0.3, 0.0, 1.0, 0.0))
+def test_parts_with_other_orientations_have_their_own_angles(make_grasp, make_grasp_motions, lines):
+    parts = make_grasp(), make_grasp((0.5, -0.1, 0.3, 0.0, 1.0, 0.0))
     both = CombinedSkill(parts, np.array([0.5, 0.5]))
-    shown = portrait_of("both", both, [make_pose_motions(part) for part in parts])
+    shown = portrait_of("both", both, [make_grasp_motions(part) for part in parts])
     angles = draw_skill(shown, "combined").axes[3]
     ends = [np.asarray(line.get_ydata())[-1] for line in angles.get_lines()]
     assert max(ends) < 1  # [°]: every motion ends where its own part ends
@@ -104,7 +104,7 @@ def test_a_proof_has_a_course_for_each_block_with_its_rate(grasp, lines):
     assert drawn == pytest.approx(angles / angles[0], abs=1e-6)
 
 
-def test_without_demonstrations_motions_start_at_the_densitys_means(make_pose_skill):
-    skill = make_pose_skill()
+def test_without_demonstrations_motions_start_at_the_densitys_means(make_grasp):
+    skill = make_grasp()
     starts = np.array([motion.positions[0] for motion in portrait_of("bare", skill, [None]).motions])
     assert np.abs(skill.charted(starts) - skill.density.means).max() < 1e-12
