@@ -197,7 +197,7 @@ def test_parts_that_turn_are_turned_before_a_p_is_sought(make_pose_skill):
     ]
     ready = prepared(parts, None, GOAL, turn=True)
     common = common_lyapunov_of(ready)
-    assert (common != ready[0].lyapunov).any()  # one P, turned in two ways, is two
+    assert (common != ready[0].leaves[0].lyapunov).any()  # one P, turned in two ways, is two
     merged = merge(ready, target=GOAL, turn=True, lyapunov=common)
     assert certify(merged).scope == "global"
     states = poses(rng)
