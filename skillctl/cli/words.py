@@ -222,4 +222,4 @@ def per_second(value: float | None, unit: str, turning: float | None = None) -> 
     """Return a speed for people, and beside it how fast something turns, [rad/s], if it does."""
     text = length(value, unit)
     moving = text if text == NONE else f"{text}/s"
-    return moving if turning is None else f"{moving}, {angle(turning)}/s"
+    return moving if turning is None else f"{moving} and {angle(turning)}/s"
