@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from skillctl.errors import UsageError
 from skillctl.evaluate.comparison import compare_behaviour, leaf_differences
-from skillctl.evaluate.coverage import coverage, demonstrated_starts, with_regions
+from skillctl.evaluate.coverage import coverage, demonstrated_starts, same_targets, with_regions
 from skillctl.evaluate.place import at
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.retarget import retargeted
@@ -94,6 +94,16 @@ def test_parts_that_end_in_other_orientations_keep_their_starts(make_grasp, make
     for index, motions in enumerate(taught):
         starts = np.stack([motion.positions[0] for motion in motions])
         assert (skill.part_at(starts) == index).all()
+
+
+def test_only_other_places_are_nearly_one_target(make_grasp):
+    first = make_grasp()
+    turned, near = turned_by(first, TURN), retargeted(first, [0.505, -0.1, 0.3])
+    halves = np.array([0.5, 0.5])
+    assert same_targets(CombinedSkill((first, turned), halves)) == ()
+    ((one, other, gap),) = same_targets(CombinedSkill((first, near), halves))
+    assert (one, other) == (1, 2)
+    assert gap == pytest.approx(0.005)
 
 
 def test_a_place_is_given_as_a_target_is(grasp):
