@@ -55,6 +55,11 @@ class Pose(Space):
         return 3
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Metres, and radians of the rotation vector."""
+        return ("m", "m", "m", "rad", "rad", "rad")
+
+    @property
     def sizes(self) -> tuple[int, ...]:
         """Position, with a rotation vector, or with a quaternion."""
         return (3, 6, 7)
@@ -153,6 +158,20 @@ class Pose(Space):
         """Return how far apart poses (..., 6) are: [m], and [rad]."""
         moved = np.linalg.norm(to[..., :3] - start[..., :3], axis=-1)
         return np.asarray(moved), rotations.angles(to[..., 3:], start[..., 3:])
+
+    def magnitudes(self, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ‖v‖ [m/s] and ‖ω‖ [rad/s] of twists (..., 6)."""
+        moving, turning = (np.linalg.norm(v, axis=-1) for v in (velocities[..., :3], velocities[..., 3:]))
+        return np.asarray(moving), np.asarray(turning)
+
+    def turns(self, states: FloatArray) -> FloatArray:
+        """Return the rotation vectors (..., 3) of poses (..., 6)."""
+        return states[..., 3:]
+
+    def given(self, state: FloatArray) -> tuple[float, ...]:
+        """Return one pose (6,) as (x, y, z, qx, qy, qz, qw)."""
+        x, y, z, *turn = state.tolist()
+        return (x, y, z, *rotations.quaternion_of(*turn))
 
     def rates(self, times: FloatArray, states: FloatArray) -> FloatArray:
         """Return the twists (T, 6) of a motion (T, 6): over both neighbours, at the ends over one."""
