@@ -46,6 +46,7 @@ class Trace:
         cup: Pose of the cup at the start, (7,); NaN without a cup.
         target: Target of the motion, shape (3,), [m].
         part: Part of a combined skill that acted at the start.
+        avoided: What of the scene the hand keeps out of; see ``Setup``.
     """
 
     arm: ArmModel
@@ -59,6 +60,7 @@ class Trace:
     cup: FloatArray
     target: FloatArray
     part: int
+    avoided: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -157,4 +159,5 @@ def _trace(episode: Episode) -> Trace:
         cup=series.cups[0],
         target=episode.target,
         part=int(series.parts[0]),
+        avoided=episode.setup.avoided,
     )

@@ -80,6 +80,7 @@ class Setup:
         followable: Whether neighbouring joints exist all along the plan.
         duration: Duration of the plan at the speed of the arm's joints, [s].
         joint_plan: The plan in joint angles, for a skill that moves joints; else None.
+        avoided: What of the scene the hand keeps out of, and what not, in a sentence; empty for nothing.
     """
 
     skill: Skill
@@ -92,6 +93,7 @@ class Setup:
     followable: bool
     duration: float
     joint_plan: Plan | None = None
+    avoided: str = ""
 
     @property
     def turns(self) -> bool:

@@ -11,6 +11,7 @@ from skillctl.arrays import FloatArray
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.avoid import Avoidance
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
@@ -34,18 +35,32 @@ class Motion:
     """
 
     def __init__(
-        self, skill: Skill, placement: Placement, scenario: Scenario, period: float = CONTROL_PERIOD
+        self,
+        skill: Skill,
+        placement: Placement,
+        scenario: Scenario,
+        period: float = CONTROL_PERIOD,
+        avoid: Avoidance | None = None,
     ) -> None:
-        """Args: skill, already moved to its target; placement; scenario, for the limits; period, [s]."""
+        """Make the motion of a skill.
+
+        Args:
+            skill: Already moved to its target.
+            placement: In the workspace.
+            scenario: For the limits.
+            period: Of control, [s].
+            avoid: What keeps it out of the scene, if anything does.
+        """
         self._skill, self._space = skill, skill.space
         self._turns = skill.space.positions < skill.dimension
         self._period = period
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._max_turn, self._max_turn_acceleration = scenario.max_turn, scenario.max_turn_acceleration
-        self._controller = Controller(skill, period, allow_unproved=True)
+        self._avoid = avoid
         self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._moved = np.zeros(self._ends.shape[1])
+        self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
         self._speed, self._turning = 0.0, 0.0
 
     def move(self, offset: FloatArray) -> None:
@@ -55,6 +70,11 @@ class Motion:
         """
         self._moved[:3] += offset
         self._ends[:, :3] += offset
+        if self._avoid is not None:  # the cup moves with the skill, the boards do not
+            self._controller.follow(self._among_bodies())
+
+    def _among_bodies(self) -> Skill:
+        return self._skill if self._avoid is None else self._avoid.applied(self._skill, self._moved[:3])
 
     @property
     def part(self) -> int:
@@ -84,16 +104,20 @@ class Motion:
             self._speed + self._max_acceleration * self._period,
             math.sqrt(self._max_acceleration * distance),
         )
-        caps = {"max_speed": max(limit / self._placement.scale, SLOWEST)}
+        max_turn = None
         if self._turns:
             fastest = min(
                 self._max_turn,
                 self._turning + self._max_turn_acceleration * self._period,
                 math.sqrt(self._max_turn_acceleration * angle),
             )
-            caps["max_turn"] = max(fastest, SLOWEST)
+            max_turn = max(fastest, SLOWEST)
         place = place - self._moved
-        inner = self._controller.step(self._placement.to_state(place), **caps)
+        inner = self._controller.step(
+            self._placement.to_state(place),
+            max_speed=max(limit / self._placement.scale, SLOWEST),
+            max_turn=max_turn,
+        )
         velocity = self._placement.lift(inner, place)
         speed, self._turning = self._space.speeds(velocity)
         if speed > limit:  # only the velocity towards a plane can add to the skill's own
@@ -139,9 +163,10 @@ def plan_motion(
     start: FloatArray,
     *,
     farthest: float = WORKSPACE_RADIUS,
+    avoid: Avoidance | None = None,
 ) -> Plan:
     """Return the ideal motion from a place in the workspace; it ends ``farthest`` from zero, [m]."""
-    motion = Motion(skill, placement, scenario)
+    motion = Motion(skill, placement, scenario, avoid=avoid)
     place = start
     places = [place]
     arrived = False

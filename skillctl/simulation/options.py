@@ -168,6 +168,11 @@ class ScenarioOptions:
         group=SCENE,
         help="Place of the cup to grasp, and its board.",
     )
+    avoid: bool | None = option(
+        name="avoid/--no-avoid",
+        group=SCENE,
+        help="Keep the hand out of scene and obstacles. Default: yes, for a skill in three dimensions.",
+    )
     push: tuple[dict[str, Any], ...] = option(
         (),
         read=read_push,

@@ -13,6 +13,7 @@ from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
+from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
@@ -62,12 +63,24 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
             for hand in _hands(skill, placement, scenario):
                 kinematics = Kinematics(body, hand, base_yaw)
                 try:
-                    joints, plan = _start_and_plan(moved, placement, kinematics, scenario)
+                    avoid = avoidance(scenario, placement, kinematics)
+                    joints, plan = _start_and_plan(moved, placement, kinematics, scenario, avoid)
                 except RefusedError as error:
                     refusal = error
                     continue
                 followable, duration = _rehearsed(kinematics, joints, plan)
-                setup = Setup(moved, model, placement, hand, base_yaw, joints, plan, followable, duration)
+                setup = Setup(
+                    moved,
+                    model,
+                    placement,
+                    hand,
+                    base_yaw,
+                    joints,
+                    plan,
+                    followable,
+                    duration,
+                    avoided=avoid.said(moved) if avoid else "",
+                )
                 if followable:
                     return setup
                 fallback = fallback or setup
@@ -129,12 +142,16 @@ def _base_yaw(skill: Skill, placement: Placement, scenario: Scenario) -> float:
 
 
 def _start_and_plan(
-    skill: Skill, placement: Placement, kinematics: Kinematics, scenario: Scenario
+    skill: Skill,
+    placement: Placement,
+    kinematics: Kinematics,
+    scenario: Scenario,
+    avoid: Avoidance | None,
 ) -> tuple[FloatArray, Plan]:
     joints, place = kinematics.home, start_of(placement, kinematics, scenario)
     if place is not None:
         joints = _required("start", place, kinematics.search(place), scenario)
-    plan = plan_motion(skill, placement, scenario, kinematics.forward(joints))
+    plan = plan_motion(skill, placement, scenario, kinematics.forward(joints), avoid=avoid)
     _required("target", plan.target, kinematics.search(plan.target), scenario)
     return joints, plan
 

@@ -11,6 +11,7 @@ from skillctl.arrays import FloatArray
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
 from skillctl.simulation.episode import Episode, Phase, RefusedError, Setup, measure
@@ -111,7 +112,8 @@ class _Run:
         self.perception = Perception(scenario)
         self.schedule = Schedule(scenario.disturbances)
         limits = scenario if setup.joint_plan is None else joint_limits(scenario, setup.arm)
-        self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period)
+        avoid = avoidance(scenario, setup.placement, self.kinematics) if setup.joint_plan is None else None
+        self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period, avoid)
         self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
         self.judge = Judge(setup.joint_plan or setup.plan, scenario, self.arm.period, setup.unit)

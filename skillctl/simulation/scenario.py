@@ -313,6 +313,8 @@ class Scenario(Part):
         obstacles: Other things that the arm must not touch, with or without furniture.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
         grasp: How the hand grasps and lifts.
+        avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
+            None: if the skill is in three dimensions at its own scale.
         disturbances: Pushes and jumps, with their times.
         episodes: Number of episodes of a batch.
         sampling: Ranges from which these are drawn.
@@ -346,6 +348,7 @@ class Scenario(Part):
     obstacles: tuple[Obstacle, ...] = ()
     cup: Cup | None = None
     grasp: Grasp = Grasp()
+    avoid: Flag | None = None
     disturbances: tuple[Disturbance, ...] = ()
     sampling: Sampling = Sampling()
 

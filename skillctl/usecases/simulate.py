@@ -135,7 +135,7 @@ def simulate(
         log=log,
         picture=picture,
         video=video,
-        notes=(*setup.arm.notes, *proof_notes(source, scenario.control)),
+        notes=(*setup.arm.notes, *filter(None, [setup.avoided]), *proof_notes(source, scenario.control)),
         tip=setup.arm.tip_link,
         held=dict(setup.arm.held),
         unit=setup.unit,
