@@ -15,12 +15,6 @@ rules check it in all three cases. Its TOML form has the same names:
     position = [0.62, 0.10]
     board = "top"
 
-    [[obstacles]]
-    kind = "box"                 # or "cylinder" with radius and height, or "mesh" with file
-    name = "crate"
-    position = [0.5, -0.3, 0.1]
-    size = [0.2, 0.2, 0.2]
-
     [[disturbances]]
     kind = "move-target"
     time = 0.8
