@@ -7,8 +7,7 @@ it moves upwards do not depend on each other, so a reach to the top left has, re
 sideways motion of one to the bottom left and the upward motion of one to the top centre.
 
 If orientations are asked for, people turn the hand on the way, from straight ahead to the direction in which
-the cup stands from the shoulder, which is the arm's base. They reach in that direction, too: sideways and
-straight in are those of a frame that is turned so.
+the cup stands from the shoulder, which is the arm's base. They move straight in in that direction, too.
 """
 
 from __future__ import annotations
@@ -194,13 +193,14 @@ class _Turning:
 def _turned_reach(
     style: _Style, manner: _Turning, target: FloatArray, swing: FloatArray, towards: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return times (T,) and poses (T, 6) of one reach in a direction, an angle [rad] about the vertical."""
-    cosine, sine = np.cos(towards), np.sin(towards)
-    frame = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    times, positions = _reach(replace(style, start=style.start @ frame), target @ frame, swing)
+    """Return times (T,) and poses (T, 6) of one reach that ends in a direction, an angle [rad] from ahead."""
+    shear = np.eye(3)
+    shear[1, 0] = np.tan(towards)  # ahead becomes towards the cup; forwards and upwards stay
+    start, end = np.linalg.solve(shear, np.stack([style.start, target]).T).T
+    times, positions = _reach(replace(style, start=start), end, swing)
     share = arc_lengths(positions)
     turns = manner.along(share / share[-1], towards)
-    return times, np.concatenate([np.round(positions @ frame.T, DECIMALS), turns], axis=1)
+    return times, np.concatenate([np.round(positions @ shear.T, DECIMALS), turns], axis=1)
 
 
 def _swing(place: str, manner: float) -> FloatArray:
