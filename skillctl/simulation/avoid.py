@@ -17,6 +17,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.bodies import Body, Box
 from skillctl.model.kept_out import admitted, kept_out
 from skillctl.model.skill import AnySkill, Skill
@@ -103,6 +104,8 @@ class Avoidance:
 
     def applied(self, skill: AnySkill, moved: FloatArray) -> AnySkill:
         """Return a skill, moved in the workspace by ``moved`` (3,) [m], that keeps out of the scene."""
+        if isinstance(skill, CombinedSkill) and self.kinematics.hand == "taught":  # parts turn it differently
+            return replace(skill, parts=tuple(self.applied(part, moved) for part in skill.parts))
         bodies, _ = self._admitted(skill, moved)
         return kept_out(skill, bodies, margin=MARGIN, stride=self._stride)
 
@@ -115,7 +118,10 @@ class Avoidance:
         return f"the hand keeps out of: {names}{f'; not of: {others}' if others else ''}."
 
     def _admitted(self, skill: Skill, moved: FloatArray) -> tuple[list[Body], tuple[tuple[str, str], ...]]:
-        target = np.asarray(self.placement.to_workspace(skill.attractors).mean(axis=0) + moved)
+        if self.kinematics.hand == "taught":
+            skill = skill.acting_parts[0]
+        target = self.placement.to_workspace(skill.attractors).mean(axis=0)
+        target[:3] += moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
         return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
 
@@ -124,11 +130,11 @@ class Avoidance:
         return self.scenario.max_speed * CONTROL_PERIOD
 
     def bodies(self, target: FloatArray) -> list[Body]:
-        """Return the bodies that the hand's point must not enter on its way to a target (3,), [m]."""
+        """Return the bodies that the hand's point must not enter on its way to a target, a place."""
         return [*self._furniture(target), *self._obstacles(target), *self._cup(target)]
 
     def _axes(self, target: FloatArray) -> FloatArray:
-        """Return the hand's axes at a target, as columns."""
+        """Return the hand's axes at a target, a place, as columns."""
         turn = self.kinematics.orientation(target)
         return np.eye(3) if turn is None else matrices(vectors(np.array(turn)))
 
@@ -163,7 +169,7 @@ class Avoidance:
         surface = target[2] - 0.5 * cup.height
         floor = surface + ROOM + MARGIN + LEDGE - self.shape.around(axes)[0][2]
         for finger in self.shape.fingers:
-            yield self._grown("cup", target, size, turn, target, [finger], floor)
+            yield self._grown("cup", target[:3], size, turn, target, [finger], floor)
 
     def _grown(
         self,
