@@ -117,7 +117,9 @@ class Avoidance:
 
     def admitted(self, skill: Skill, moved: FloatArray) -> tuple[list[Body], tuple[tuple[Body, str], ...]]:
         """Return the bodies that a skill, moved by ``moved`` (3,), keeps out of; and others, with reasons."""
-        target = np.asarray(self.placement.to_workspace(skill.attractors).mean(axis=0) + moved)
+        ends = self.placement.to_workspace(skill.attractors)
+        target = ends[0]  # of a pose with its orientation
+        target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
         return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
 
@@ -126,7 +128,7 @@ class Avoidance:
         return self.scenario.max_speed * CONTROL_PERIOD
 
     def bodies(self, target: FloatArray) -> list[Body]:
-        """Return the bodies that the hand's point must not enter on its way to a target (3,), [m]."""
+        """Return the bodies that the hand's point must not enter on its way to a target (3,) [m], or pose."""
         return [*self._furniture(target), *self._obstacles(target), *self._cup(target)]
 
     def _axes(self, target: FloatArray) -> FloatArray:
@@ -165,7 +167,7 @@ class Avoidance:
         surface = target[2] - 0.5 * cup.height
         floor = surface + ROOM + MARGIN + LEDGE - self.shape.around(axes)[0][2]
         for finger in self.shape.fingers:
-            yield self._grown("sides of the cup", target, size, turn, target, [finger], floor)
+            yield self._grown("sides of the cup", target[:3], size, turn, target, [finger], floor)
 
     def _grown(
         self,

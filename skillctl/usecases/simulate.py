@@ -18,7 +18,7 @@ from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.torque import TORQUE_PERIOD
 from skillctl.stability.certificate import certify
-from skillctl.stability.report import at_most
+from skillctl.stability.report import least_frequency
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
 
@@ -38,6 +38,7 @@ class SimulateReport:
             stay, [rad] or [m].
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
         target: Workspace position of the target, [m]; its joints for a skill that moves joints.
+        target_turn: Orientation q_xyzw of the target of a pose skill.
         unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
@@ -67,6 +68,7 @@ class SimulateReport:
     tip: str
     held: dict[str, float]
     unit: Unit
+    target_turn: tuple[float, ...] | None = None
 
 
 def simulate(
@@ -137,6 +139,7 @@ def simulate(
         tip=setup.arm.tip_link,
         held=dict(setup.arm.held),
         unit=setup.unit,
+        target_turn=tuple(result.series.target_turns[-1].tolist()) if setup.turns else None,
     )
 
 
@@ -169,7 +172,7 @@ def proof_notes(source: Source, control: str) -> tuple[str, ...]:
     if period is None or period >= simulated:
         return ()
     return (
-        f"the proof of {source.name} needs a controller at {at_most(1 / period)} Hz or faster; "
+        f"the proof of {source.name} needs a controller at {least_frequency(period)} Hz or faster; "
         f"this one runs at {1 / simulated:.0f} Hz.",
     )
 

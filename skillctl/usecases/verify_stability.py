@@ -190,7 +190,8 @@ def _reach(
     They are those of the skill itself, or of what has become of it in a scene.
     """
     skill = source.skill if skill is None else skill
-    names = source.skill.space.names
+    space = source.skill.space
+    names = space.names[: space.positions]
     for option, ranges in (("start-box", required.start_box), ("stay-in", required.stay_in)):
         if ranges is not None and ranges != DEMOS and len(ranges) != len(names):
             raise UsageError(
@@ -206,6 +207,6 @@ def _reach(
                 f"start-box: {source.name} carries no demonstrations.",
                 hint="Give the ranges of its coordinates.",
             )
-        return bound_reach(skill, certificate, *box(starts), period=required.period)
+        return bound_reach(skill, certificate, *box(starts[:, : len(names)]), period=required.period)
     low, high = zip(*required.start_box, strict=True)
     return bound_reach(skill, certificate, low, high, period=required.period)

@@ -45,6 +45,15 @@ def save_npz(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
+def save_npy(tmp_path: Path) -> Callable[[FloatArray], Path]:
+    def save(array: FloatArray) -> Path:
+        np.save(tmp_path / "reach.npy", array)
+        return tmp_path / "reach.npy"
+
+    return save
+
+
+@pytest.fixture
 def save_mat(tmp_path: Path) -> Callable[..., Path]:
     """Write a MATLAB 5 file, by SciPy."""
     from scipy.io import savemat
@@ -123,6 +132,7 @@ def save_robomimic(tmp_path: Path) -> Callable[..., Path]:
                         "agentview_image", data=np.zeros((len(motion), 8, 8, 3), "u1"), compression="gzip"
                     )
                     for name, made_of in observations.items():
+                        obs.pop(name, None)
                         obs[name] = made_of(motion)
             file["mask/train"] = np.array([b"demo_0"])
             edit(file)

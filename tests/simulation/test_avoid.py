@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -129,9 +131,9 @@ def test_boards_stay_and_the_cup_moves_with_the_target(twin, linear):
     motion = Motion(
         linear(tuple(cup_middle(scenario))), HERE, scenario, avoid=avoidance(scenario, HERE, twin)
     )
-    links = [motion._controller.skill.coordinates.links[0]]
+    links: list[Any] = [motion._controller.skill.leaves[0].coordinates.links[0]]
     motion.move(np.array([0.0, 0.05, 0.0]))
-    links.append(motion._controller.skill.coordinates.links[0])
+    links.append(motion._controller.skill.leaves[0].coordinates.links[0])
     first, second = (dict(zip(link.names, link.gauges, strict=True)) for link in links)
     # The skill is moved by moving what it is told of the hand: its own target stays where it was.
     low, high = (np.array([gauge.bounds()[0] for gauge in (each["lower board"], each["sides of the cup"])])
@@ -152,7 +154,7 @@ def test_it_is_only_for_skills_in_three_dimensions_at_their_own_scale(twin):
 def test_a_skill_among_a_scene_is_at_its_target_and_in_its_coordinates(linear):
     scenario = shelf(place=(0.6, -0.2), board="bottom")
     among = among_scene(linear((0.5, 0.0, 0.5)), scenario)
-    np.testing.assert_array_equal(among.skill.attractor, cup_middle(scenario))
+    np.testing.assert_array_equal(among.skill.attractors[0], cup_middle(scenario))
     assert [body.name for body in among.avoided] == ["lower board", "upper board", *["sides of the cup"] * 2]
     assert [body.name for body, _ in among.others] == ["rear panel"]
     with pytest.raises(UsageError, match="nothing in it"):
