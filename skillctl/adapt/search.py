@@ -27,6 +27,12 @@ PAYS = 0.05  # a score that is better by less is not worth a factor per componen
 SLOWER = 2.5  # a merger is followed for this many times the time of the slowest single skill
 RESOLUTION = 150  # steps of a merger, at least, in the time of the slowest single skill
 LONGEST_STEP = 0.02  # [s]
+MOST_PARTS = 3  # of a store that are searched; each more makes a common proof harder
+PAIRED = 8  # skills that are tried in pairs, those that alone are best
+ROUNDS = 3  # of a search that is repeated with starts from which its result fails
+DRAWN = 200  # starts that look for such
+ADDED = 8  # of them
+FIRST_SEED = 1000  # of starts that are drawn
 MOST_COMBINED = 5  # skills of which all subsets are combined
 
 
@@ -108,14 +114,15 @@ def search(
     Args:
         task: What is wanted.
         skills: One or more, each with one attractor.
-        parts: The same for merging, under one P and in one chart. Default: the skills, if they have that;
-            else nothing is merged.
+        parts: The same for merging, under one P and in one chart (``compose.merge.common_members``). Default:
+            the skills, if they have that; else nothing is merged.
         starts: Where motions begin, (n, d); by default ``STARTS`` spread over the task's start box.
         shown: Demonstrations of each clause that compares with some, by its name.
         like: Skill of each clause that compares with one, by its name.
 
     Raises:
         UsageError: No skill can be moved to the target, or the task has another dimension.
+        NoCommonLyapunovError: The parts have different P or charts.
     """
     starts = task.start.spread(STARTS) if starts is None else starts
     usable = [i for i, skill in enumerate(skills) if len(skill.attractors) == 1]
@@ -127,8 +134,7 @@ def search(
     alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
     found = trial.singles(singles, alone)
     combined = trial.combined(singles, alone)
-    if parts is None:
-        parts = _common(list(singles.values()))
+    parts = _common(list(singles.values())) if parts is None else common_members(parts, None)
     merged: list[Candidate] = []
     if parts is not None and len(parts) > 1:
         moved = [retargeted(part, judge.target) for part in parts]
@@ -137,6 +143,87 @@ def search(
     equal = next((c for c in merged if c.gate == MERGE_GATES[0].name and np.ptp(c.weights) == 0), None)
     ranked = sorted([*found, *merged, *combined], key=_score, reverse=True)
     return Search(tuple(ranked), max(found, key=_score), equal, judge)
+
+
+def search_robustly(
+    task: Task,
+    skills: Sequence[Skill],
+    parts: Sequence[ActingSkill] | None = None,
+    *,
+    shown: Mapping[str, DemonstrationSet] | None = None,
+    like: Mapping[str, Skill] | None = None,
+) -> Search:
+    """Return what ``search`` finds, repeated with more starts while drawn ones find a clause that fails.
+
+    Each round draws other starts; those from which the best candidate fails most are added to the search.
+    """
+    starts = task.start.spread(STARTS)
+    for number in range(ROUNDS):
+        found = search(task, skills, parts, starts=starts, shown=shown, like=like)
+        if not found.best.holds or task.start.points is not None:
+            break
+        drawn = task.start.drawn(DRAWN, FIRST_SEED + number)
+        margins = Judge.of(task, skills[0].space, drawn, shown, like).trial(found.best.build())
+        worst = np.min([values for values in margins.values() if len(values) == DRAWN], axis=0)
+        failing = np.argsort(worst)[:ADDED][np.sort(worst)[:ADDED] < 0]
+        if not len(failing):
+            break
+        starts = np.concatenate([starts, drawn[failing]])
+    return found
+
+
+def shortlist(
+    task: Task,
+    skills: Sequence[Skill],
+    *,
+    shown: Mapping[str, DemonstrationSet] | None = None,
+    like: Mapping[str, Skill] | None = None,
+) -> tuple[int, ...]:
+    """Return which skills, at most ``MOST_PARTS`` of them, help most with a task: rising indices.
+
+    Each is judged alone; the best of them in pairs that move with the mean of both velocities, whatever their
+    P and charts. The parts of the best pairs are taken, and the best single skill.
+    """
+    starts = task.start.spread(STARTS // 2)
+    judge = Judge.of(task, skills[0].space, starts, shown, like)
+    trial = _Trial(judge, len(skills))
+    singles = {i: retargeted(s, judge.target) for i, s in enumerate(skills) if len(s.attractors) == 1}
+    if len(singles) <= MOST_PARTS:
+        return tuple(singles)
+    alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
+    ranked = sorted(trial.singles(singles, alone), key=_score, reverse=True)
+    best = [c.parts[0] for c in ranked[:PAIRED]]
+    pairs = list(combinations(best, 2))
+    slowest = max(alone[i].step * alone[i].states.shape[1] for i in best)
+    step = min(LONGEST_STEP, slowest / RESOLUTION, *(RESOLVED * alone[i].period for i in best))
+    states = _paired(singles, pairs, judge.starts, step, round(slowest / step))
+    steps, periods = np.full(states.shape[:2], step), np.full(len(pairs), step)
+    scores = judge.scores(judge.margins(states, steps, periods))
+    chosen = [best[0]]
+    for number in np.argsort(-scores, kind="stable"):
+        chosen += [i for i in pairs[number] if i not in chosen]
+        if len(chosen) >= MOST_PARTS:
+            break
+    return tuple(sorted(chosen[:MOST_PARTS]))
+
+
+def _paired(
+    skills: Mapping[int, Skill], pairs: Sequence[tuple[int, int]], starts: FloatArray, step: float, count: int
+) -> FloatArray:
+    """Return motions (pairs, n, T, d) with the mean velocity of two skills each."""
+    space = next(iter(skills.values())).space
+    names = sorted({i for pair in pairs for i in pair})
+    members = {i: [k for k, pair in enumerate(pairs) if i in pair] for i in names}
+    x = np.tile(starts, (len(pairs), 1, 1))
+    kept = [x]
+    for _ in range(count):
+        velocities = np.zeros_like(x)
+        for i, rows in members.items():
+            own = x[rows].reshape(-1, x.shape[-1])
+            velocities[rows] += 0.5 * skills[i].velocity(own).reshape(len(rows), *x.shape[1:])
+        x = space.displace(x, step * velocities)
+        kept.append(x)
+    return np.stack(kept, axis=2)
 
 
 def _common(skills: Sequence[Skill]) -> Sequence[ActingSkill] | None:

@@ -165,7 +165,7 @@ def _refuse_reserved(meta: Meta) -> None:
     reserved = {
         "poses": meta.state.kind == "pose",
         "a chain of skills": meta.skill.kind == "chain",
-        f"the command {command}": command in {"adapt", "chain"},
+        f"the command {command}": command == "chain",
         **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
     }
     if used := [what for what, there in reserved.items() if there]:
