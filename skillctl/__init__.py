@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from skillctl.errors import SkillctlError
     from skillctl.learning.options import LearnOptions
     from skillctl.model.controller import Controller
+    from skillctl.model.coordinates.bodies import Ball, Box, Cylinder, Ellipsoid
+    from skillctl.model.kept_out import kept_out
     from skillctl.model.rollout import rollout
     from skillctl.simulation.scenario import Scenario
     from skillctl.usecases.combine import combine
@@ -48,8 +50,12 @@ if TYPE_CHECKING:
 __version__ = "0.2.0.dev0"
 
 __all__ = [
+    "Ball",
+    "Box",
     "CombineOptions",
     "Controller",
+    "Cylinder",
+    "Ellipsoid",
     "LearnOptions",
     "MergeOptions",
     "Reading",
@@ -59,6 +65,7 @@ __all__ = [
     "__version__",
     "combine",
     "inspect",
+    "kept_out",
     "learn",
     "load",
     "merge",
@@ -69,8 +76,12 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Ball": "skillctl.model.coordinates.bodies",
+    "Box": "skillctl.model.coordinates.bodies",
     "CombineOptions": "skillctl.compose.options",
     "Controller": "skillctl.model.controller",
+    "Cylinder": "skillctl.model.coordinates.bodies",
+    "Ellipsoid": "skillctl.model.coordinates.bodies",
     "LearnOptions": "skillctl.learning.options",
     "MergeOptions": "skillctl.compose.options",
     "Reading": "skillctl.demonstrations.options",
@@ -79,6 +90,7 @@ _HOMES = {
     "TaskOptions": "skillctl.adapt.options",
     "combine": "skillctl.usecases.combine",
     "inspect": "skillctl.usecases.inspect",
+    "kept_out": "skillctl.model.kept_out",
     "learn": "skillctl.usecases.learn",
     "load": "skillctl.usecases.files",
     "merge": "skillctl.usecases.merge",

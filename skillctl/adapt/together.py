@@ -13,8 +13,9 @@ from skillctl.evaluate.errors import mean_dtw, report_errors
 from skillctl.learning.fit import fit, learned_distance
 from skillctl.learning.options import Coordinates, LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import Skill, contraction_period, retargeted
+from skillctl.model.skill import Skill, contraction_period
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least

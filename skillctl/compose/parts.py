@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import ActingSkill, Skill, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import ActingSkill, Skill
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:

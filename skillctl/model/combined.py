@@ -22,9 +22,9 @@ from skillctl.model.skill import ActingSkill, Composite, Kind, require_parts
 class CombinedSkill(Frozen, Composite):
     """Several skills of which one alone acts at any time (Section 3.2).
 
-    Part i = argmax_j (log βⱼ + log rⱼ(ξ)) acts. ``latched``: chosen at the start, kept until the state
-    jumps by more than ``disturbance_distance`` from where the last command should have led (the
-    ``Controller`` owns that memory). ``instantaneous``: chosen anew at every instant.
+    Part i = argmax_j (log βⱼ + log rⱼ(ξ)) acts, each rⱼ of the state as part j charts it. ``latched``: chosen
+    at the start, kept until the state jumps by more than ``disturbance_distance`` from where the last command
+    should have led (the ``Controller`` owns that memory). ``instantaneous``: chosen anew at every instant.
 
     Attributes:
         parts: Learned or merged skills of one space; attractors may differ (multi-stable) or agree (aligned).
@@ -45,6 +45,7 @@ class CombinedSkill(Frozen, Composite):
     speed: float = 1.0
     regions: tuple[GaussianMixture, ...] = ()
     _densities: StackedDensities = field(init=False, repr=False)
+    _one_chart: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         require_parts(self.parts, self.speed)
@@ -59,6 +60,8 @@ class CombinedSkill(Frozen, Composite):
         if self.regions and [one.dimension for one in self.regions] != [self.dimension] * len(self.parts):
             raise InvalidModelError(f"regions: expected one a part, of {self.dimension} dimensions.")
         object.__setattr__(self, "_densities", StackedDensities(self.influences, priors))
+        turns = self.part_attractors[:, self.space.positions :]
+        object.__setattr__(self, "_one_chart", self.space.flat or bool((turns == turns[0]).all()))
 
     @property
     def shares(self) -> FloatArray:
@@ -109,7 +112,13 @@ class CombinedSkill(Frozen, Composite):
 
     def part_scores(self, positions: npt.ArrayLike) -> FloatArray:
         """Return log βᵢ + log rᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
-        return self._densities.scores(self.space.states(positions)).T
+        return self._scores(self.space.states(positions))
+
+    def _scores(self, states: FloatArray) -> FloatArray:
+        if self._one_chart:
+            return self._densities.scores(self.parts[0].charted(states)).T
+        logs = zip(self.parts, self.influences, np.log(self.part_priors), strict=True)
+        return np.stack([log + one.log_density(part.charted(states)) for part, one, log in logs], axis=1)
 
     def part_at(self, states: npt.ArrayLike) -> IntArray:
         """Return the index of the part whose region each state (n, d) lies in. Shape (n,)."""
@@ -119,11 +128,12 @@ class CombinedSkill(Frozen, Composite):
         """Return βᵢ rᵢ / Σⱼ βⱼ rⱼ at states (n, d): the largest part acts alone. Shape (n, parts)."""
         return softmax(self.part_scores(states).T).T
 
-    def translated(self, offset: FloatArray) -> CombinedSkill:
-        """Return the same motions, moved by ``offset`` (d,): all attractors and regions move together."""
+    def carried(self, target: FloatArray, goal: FloatArray) -> CombinedSkill:
+        """Return the same motions, moved as a target is to a goal: attractors and regions together."""
+        offset = self.space.anchor(goal) - self.space.anchor(target)
         return replace(
             self,
-            parts=tuple(part.translated(offset) for part in self.parts),
+            parts=tuple(part.carried(target, goal) for part in self.parts),
             regions=tuple(region.translated(offset) for region in self.regions),
         )
 
@@ -136,7 +146,9 @@ class CombinedSkill(Frozen, Composite):
 
     def selected(self, state: FloatArray) -> int:
         """Return the index of the part whose region one state (d,) lies in."""
-        return int(self._densities.shares(state).argmax())
+        if self._one_chart:
+            return int(self._densities.shares(self.parts[0].charted(state)).argmax())
+        return int(self._scores(state[None])[0].argmax())
 
     def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
         chosen = self.part_at(states) if parts is None else parts

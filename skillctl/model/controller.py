@@ -6,10 +6,10 @@ import math
 
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, length
+from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.skill import Skill, contraction_period
-from skillctl.model.stepper import Step, Stepper
+from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper
 
 
 class Controller:
@@ -54,26 +54,46 @@ class Controller:
         """Forget which part acts: the next step is a start."""
         self._last = None
 
-    def step(self, state: npt.ArrayLike, *, max_speed: float | None = None) -> FloatArray:
+    @property
+    def next(self) -> FloatArray | None:
+        """The state (d,) that the last command leads to in a period; None before the first step."""
+        return None if self._last is None else self._last.states
+
+    def step(
+        self, state: npt.ArrayLike, *, max_speed: float | None = None, max_turn: float | None = None
+    ) -> FloatArray:
         """Return the velocity command for the measured state (d,), per second.
 
+        A command for a pose is a twist in the base frame: (vx, vy, vz [m/s], ωx, ωy, ωz [rad/s]).
+
         Args:
-            state: Where the robot is, shape (d,).
+            state: Where the robot is, shape (d,); a pose also as (x, y, z, qx, qy, qz, qw).
             max_speed: The largest speed the robot will be given, per second; a faster command is shortened.
                 Told here, a robot that falls behind an uncapped command is not mistaken for a disturbed one.
+            max_turn: The same for the speed at which a pose turns, [rad/s].
 
         Raises:
             StateError: A state of another shape, or not finite; the controller is as before.
             UsageError: A cap that is not positive and finite.
         """
         x = self.skill.space.measured(state)
-        if max_speed is not None and not 0 < max_speed < math.inf:
-            raise UsageError(f"max_speed: must be a positive number, got {max_speed!r}.")
-        last = self._last
-        part = None if last is None or self._disturbed(x, last) else int(last.parts)
-        self._last = self._stepper.step(x, part, max_speed)
+        caps = UNCAPPED
+        if max_speed is not None or max_turn is not None:
+            caps = Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn))
+        last, part, near = self._last, None, None
+        if last is not None and not self._disturbed(x, last):
+            part, near = int(last.parts), last.offset
+        self._last = self._stepper.step(x, part, caps, near)
         return self._last.command
 
     def _disturbed(self, state: FloatArray, last: Step) -> bool:
-        jump = self.skill.space.difference(state, last.states)
-        return length(jump) > self.skill.disturbance_distance
+        return self.skill.space.distance_at(state, last.states) > self.skill.disturbance_distance
+
+
+def _cap(name: str, value: float | None) -> float:
+    """Return a cap, infinite if there is none."""
+    if value is None:
+        return math.inf
+    if not 0 < value < math.inf:
+        raise UsageError(f"{name}: must be a positive number, got {value!r}.")
+    return value

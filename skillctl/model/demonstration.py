@@ -20,8 +20,8 @@ class Demonstration(Frozen):
 
     Attributes:
         times: Strictly increasing, shape (T,), [s].
-        positions: Shape (T, d), in the unit of the state space.
-        velocities: Shape (T, d), per second.
+        positions: States, shape (T, d), in the units of the state space.
+        velocities: Shape (T, d), per second; of poses twists in the base frame.
         source: Where it came from, for messages and reports.
     """
 
@@ -58,15 +58,25 @@ class Demonstration(Frozen):
 
     @classmethod
     def from_positions(
-        cls, times: npt.ArrayLike, positions: npt.ArrayLike, source: str = "demonstration"
+        cls,
+        times: npt.ArrayLike,
+        positions: npt.ArrayLike,
+        source: str = "demonstration",
+        space: Space | None = None,
     ) -> Demonstration:
-        """Return a demonstration whose velocities are central differences of its positions."""
+        """Return a demonstration whose velocities are central differences of its positions, as of vectors.
+
+        In a ``space`` that is not flat, differences are taken there, and positions become continuous.
+        """
         t = np.asarray(times, dtype=np.float64)
         x = np.asarray(positions, dtype=np.float64)
         usable = x.ndim == 2 and t.ndim == 1 and len(t) == len(x) >= 2 and bool((np.diff(t) > 0).all())
         # Unusable input gets its sentence from the constructor.
-        velocities = np.gradient(x, t, axis=0) if usable else np.zeros_like(x)
-        return cls(t, x, velocities, source)
+        if not usable or not np.isfinite(x).all():
+            return cls(t, x, np.zeros_like(x), source)
+        if space is None:
+            return cls(t, x, np.gradient(x, t, axis=0), source)
+        return cls(t, space.continued(x), space.rates(t, x), source)
 
     @property
     def dimension(self) -> int:
@@ -116,8 +126,20 @@ class DemonstrationSet(Frozen):
     def extent(self) -> float:
         """Length of the diagonal of the box around all positions, in the unit of the space."""
         stacked = np.vstack([demonstration.positions for demonstration in self.demonstrations])
-        return extent(stacked)
+        return extent(stacked[:, : self.space.positions])
 
     def translated(self, offset: FloatArray) -> DemonstrationSet:
         """Return the same motions, moved by ``offset`` (d,)."""
         return DemonstrationSet(tuple(d.translated(offset) for d in self.demonstrations), self.space)
+
+    def carried(self, target: FloatArray, goal: FloatArray) -> DemonstrationSet:
+        """Return the same motions, moved as a target (d,) to a goal (d,) is."""
+        return DemonstrationSet(
+            tuple(
+                Demonstration.from_positions(
+                    d.times, self.space.carried(d.positions, target, goal), d.source, self.space
+                )
+                for d in self.demonstrations
+            ),
+            self.space,
+        )

@@ -115,37 +115,39 @@ class MergedSkill(Frozen, Composite, ActingSkill):
         """Return h̃ for positions (n, d), parts side by side. Shape (n, K); rows sum to one."""
         states = self.space.states(positions)
         offsets = self.lifted(states).T - self._gates.logits.origin[:, None]
-        return self.mixed(self._gates.many(offsets), states)
+        return self.mixed(self._gates.many(offsets), self.charted(states))
 
-    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, charted: FloatArray) -> FloatArray:
         """Return h̃ of all components from their weights within their own leaf; see ``ActingSkill``."""
         if self._nested:  # merged skills among the parts mix their own first
             blocks = np.split(h, np.flatnonzero(np.diff(self._owners)) + 1, axis=-1)
-            h = np.concatenate([p.mixed(b, states) for p, b in zip(self.parts, blocks, strict=True)], axis=-1)
-        shares = partial(self._part_shares, states)
+            h = np.concatenate(
+                [p.mixed(b, charted) for p, b in zip(self.parts, blocks, strict=True)], axis=-1
+            )
+        shares = partial(self._part_shares, charted)
         return self._weigh(h, self._owners, self.part_weights, shares, self.parameters)
 
-    def _part_shares(self, states: FloatArray) -> FloatArray:
-        """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ at one or many states (..., d). Shape (..., parts)."""
+    def _part_shares(self, charted: FloatArray) -> FloatArray:
+        """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ at one or many charted states (..., d). Shape (..., parts)."""
         densities = self._densities
-        return densities.shares(states) if states.ndim == 1 else softmax(densities.scores(states)).T
+        return densities.shares(charted) if charted.ndim == 1 else softmax(densities.scores(charted)).T
 
     def part_weights_at(self, states: FloatArray) -> FloatArray:
         """Return each part's share of the motion (its components' weights summed). Shape (n, parts)."""
         starts = np.searchsorted(self._owners, np.arange(len(self.parts)))
         return np.asarray(np.add.reduceat(self.responsibilities(states), starts, axis=1))
 
-    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
+    def _moved_at(self, y: FloatArray, charted: FloatArray) -> FloatArray:
         offset = y - self._gates.logits.origin
-        weights = self.mixed(self._gates.at(offset), state)
+        weights = self.mixed(self._gates.at(offset), charted)
         velocity: FloatArray = weights.dot(self._matrices).reshape(y.size, -1).dot(offset)
         return velocity
 
-    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
+    def _moved(self, y: FloatArray, charted: FloatArray) -> FloatArray:
         velocities = np.empty_like(y)
         for start in range(0, len(y), BLOCK):
             offsets = y[start : start + BLOCK] - self._gates.logits.origin
-            weights = self.mixed(self._gates.many(offsets.T), states[start : start + BLOCK])
+            weights = self.mixed(self._gates.many(offsets.T), charted[start : start + BLOCK])
             matrices = (weights @ self._matrices).reshape(-1, *[self.dimension] * 2)
             velocities[start : start + BLOCK] = np.einsum("nij,nj->ni", matrices, offsets)
         return velocities

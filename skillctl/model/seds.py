@@ -25,8 +25,8 @@ class SedsSkill(Frozen, ActingSkill):
     r"""A stable dynamical system learned from demonstrations: ξ̇ = α Σₖ hₖ(ξ) Aₖ (ξ − ξ*).
 
     hₖ(ξ) = πₖ N(ξ; μₖ, Σₖ) / Σⱼ πⱼ N(ξ; μⱼ, Σⱼ). In coordinates other than the identity all of this, but the
-    position density, is said of y = ξ* + c(ξ − ξ*). The class holds whatever matrices it is given; whether
-    they are stable is decided by ``skillctl.stability``, never assumed here.
+    position density, is said of y = a + c(x); the density is said of the charted state a + x. The class holds
+    whatever matrices it is given; whether they are stable ``skillctl.stability`` decides; nothing assumes it.
 
     Attributes:
         priors, means, covariances: πₖ (K,), μₖ (K, d), Σₖ (K, d, d) of the gates hₖ.
@@ -82,12 +82,12 @@ class SedsSkill(Frozen, ActingSkill):
         if self.density.dimension != d or self.space.dimension != d:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")
         gates = GaussianMixture(self.priors, self.means, self.covariances)  # checks priors and covariances
-        coefficients, peak = gates.coefficients(self.attractor), float(gates.log_peaks.max())
+        coefficients, peak = gates.coefficients(self.anchor), float(gates.log_peaks.max())
         with np.errstate(over="ignore", invalid="ignore"):
-            known = self.density.log_density(self.attractors)
+            known = self.density.log_density(self.anchor[None])
         if not np.isfinite(known).all():
             raise InvalidModelError("density: too large or too small to compute with.")
-        compiled = GatedField(coefficients, peak, self.component_matrices, self.attractor)
+        compiled = GatedField(coefficients, peak, self.component_matrices, self.anchor)
         object.__setattr__(self, "gated", compiled)
 
     @property
@@ -109,7 +109,7 @@ class SedsSkill(Frozen, ActingSkill):
         """Return hₖ(ξ) for positions (n, d). Shape (n, K); rows sum to one at any distance."""
         return self.gated.gates(self.lifted(self.space.states(positions)))
 
-    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, charted: FloatArray) -> FloatArray:
         """Return h: a leaf's own weights."""
         return h
 
@@ -117,23 +117,22 @@ class SedsSkill(Frozen, ActingSkill):
         """Return one for each state (n, d): a learned skill moves alone. Shape (n, 1)."""
         return np.ones((len(states), 1))
 
-    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
+    def _moved_at(self, y: FloatArray, charted: FloatArray) -> FloatArray:
         return self.gated.velocity(y)
 
-    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
+    def _moved(self, y: FloatArray, charted: FloatArray) -> FloatArray:
         return self.gated.velocities(y)
 
     def accelerated(self, factor: float) -> SedsSkill:
         """Return the same motion, faster by a positive factor."""
         return self if factor == 1 else replace(self, speed=self.speed * factor)
 
-    def translated(self, offset: FloatArray) -> SedsSkill:
-        """Return the same motion, moved by ``offset`` (d,): attractor and all means move together."""
+    def carried(self, target: FloatArray, goal: FloatArray) -> SedsSkill:
+        """Return the same motion, moved as a target is to a goal: attractor and all means move together."""
+        attractor = self.space.carried(self.attractor, target, goal)
+        offset = self.space.anchor(goal) - self.space.anchor(target)
         return replace(
-            self,
-            means=self.means + offset,
-            attractor=self.attractor + offset,
-            density=self.density.translated(offset),
+            self, means=self.means + offset, attractor=attractor, density=self.density.translated(offset)
         )
 
     def with_leaves(self, change: Callable[[SedsSkill], SedsSkill]) -> SedsSkill:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray, IntArray, require_positive
-from skillctl.errors import InvalidModelError, UsageError
+from skillctl.errors import InvalidModelError
 from skillctl.model.coordinates.chain import Chain
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.mixture import GaussianMixture
@@ -128,8 +128,13 @@ class Skill(ABC):
         """Return each part's share of the motion, or of the regions, at states (n, d). Shape (n, parts)."""
 
     @abstractmethod
+    def carried(self: AnySkill, target: FloatArray, goal: FloatArray) -> AnySkill:
+        """Return the motions, moved as a target (d,) is to a goal (d,): attractors and means together."""
+
     def translated(self: AnySkill, offset: FloatArray) -> AnySkill:
-        """Return the same motion, moved by ``offset`` (d,): attractors and means move together."""
+        """Return the same motions, moved in position by an offset; orientations, if there are, stay."""
+        still = np.zeros(self.dimension)
+        return self.carried(still, np.concatenate([offset, still[len(offset) :]]))
 
     @abstractmethod
     def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
@@ -151,9 +156,9 @@ class Composite(Skill):
         """The learned skills this one is made of, from left to right."""
         return tuple(leaf for part in self.parts for leaf in part.leaves)
 
-    def translated(self: AnySkill, offset: FloatArray) -> AnySkill:
-        """Return the same motion, moved by ``offset`` (d,): all attractors move together."""
-        return replace(self, parts=tuple(part.translated(offset) for part in self.parts))  # type: ignore[type-var]
+    def carried(self: AnySkill, target: FloatArray, goal: FloatArray) -> AnySkill:
+        """Return the same motions, moved as a target is to a goal: all attractors move together."""
+        return replace(self, parts=tuple(part.carried(target, goal) for part in self.parts))  # type: ignore[type-var]
 
     def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
         """Return the same tree of changed leaves."""
@@ -163,10 +168,18 @@ class Composite(Skill):
 AnyActing = TypeVar("AnyActing", bound="ActingSkill")
 
 
+class Ahead(NamedTuple):
+    """Where a step leads: a state (d,), and its offset (d,) from the attractor."""
+
+    state: FloatArray
+    offset: FloatArray
+
+
 class ActingSkill(Skill):
     """A skill with one attractor and one V: learned, or merged; what can be a part of a combined skill.
 
-    It moves y = ξ* + c(ξ − ξ*) by a mixture of linear systems, ẏ = Σₖ h̃ₖ(y) Aₖ (y − ξ*).
+    It moves y = a + c(x) by a mixture of linear systems, ẏ = Σₖ h̃ₖ(y) Aₖ (y − a), where x is the offset of
+    the state from the attractor and a the anchor. In R^d that is y = ξ* + c(ξ − ξ*).
 
     Attributes:
         attractor: ξ*, shape (d,).
@@ -196,21 +209,31 @@ class ActingSkill(Skill):
         """Return h̃ for positions (n, d). Shape (n, K); rows sum to one at any distance."""
 
     @abstractmethod
-    def mixed(self, h: FloatArray, states: FloatArray) -> FloatArray:
+    def mixed(self, h: FloatArray, charted: FloatArray) -> FloatArray:
         """Return h̃ of all components from their weights within their own leaf.
 
         Args:
             h: Leaves side by side, shape (..., K).
-            states: Where, shape (..., d): one or many. Position densities are densities of the state.
+            charted: Where, shape (..., d): one or many. Position densities are densities of charted states.
         """
 
     @abstractmethod
-    def _moved_at(self, y: FloatArray, state: FloatArray) -> FloatArray:
-        """Return ẏ for one y (d,), which is that of a state (d,)."""
+    def _moved_at(self, y: FloatArray, charted: FloatArray) -> FloatArray:
+        """Return ẏ for one y (d,), which is that of a charted state (d,)."""
 
     @abstractmethod
-    def _moved(self, y: FloatArray, states: FloatArray) -> FloatArray:
-        """Return ẏ for many y (n, d), which are those of states (n, d)."""
+    def _moved(self, y: FloatArray, charted: FloatArray) -> FloatArray:
+        """Return ẏ for many y (n, d), which are those of charted states (n, d)."""
+
+    @property
+    def anchor(self) -> FloatArray:
+        """What is added to offsets from the attractor, so that they are charted states. Shape (d,)."""
+        return self.space.anchor(self.attractor)
+
+    @property
+    def plain(self) -> bool:
+        """Whether y is the state itself."""
+        return self.space.flat and not self.coordinates.links
 
     @property
     def acting_parts(self) -> tuple[ActingSkill, ...]:
@@ -252,28 +275,38 @@ class ActingSkill(Skill):
 
     def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
         """Return ξ̇ for one state (d,), which is not checked."""
-        if not self.coordinates.links:
+        if self.plain:
             return self._moved_at(state, state)
-        y, pull = self.coordinates.tangent_at(state - self.attractor)
-        return pull(self._moved_at(y + self.attractor, state))
+        offset, place = self.space.tangent_at(state, self.attractor)
+        y, pull = self.coordinates.tangent_at(offset)
+        return place(pull(self._moved_at(y + self.anchor, self._charted(state, offset))))
 
     def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
-        if not self.coordinates.links:
+        if self.plain:
             return self._moved(states, states)
-        y, pull = self.coordinates.tangent(states - self.attractor)
-        return pull(self._moved(y + self.attractor, states))
+        offsets, place = self.space.tangent(states, self.attractor)
+        y, pull = self.coordinates.tangent(offsets)
+        return place(pull(self._moved(y + self.anchor, self._charted(states, offsets))))
+
+    def charted(self, states: FloatArray) -> FloatArray:
+        """Return the charted states (..., d) of states (..., d): what densities are said of."""
+        return states if self.space.flat else self.anchor + self.space.offsets(states, self.attractor)
+
+    def _charted(self, states: FloatArray, offsets: FloatArray) -> FloatArray:
+        return states if self.space.flat else self.anchor + offsets
 
     def lifted(self, states: FloatArray) -> FloatArray:
         """Return y for states (n, d). Shape (n, d)."""
-        if not self.coordinates.links:
+        if self.plain:
             return states
-        return self.coordinates.forward(states - self.attractor) + self.attractor
+        return self.coordinates.forward(self.space.offsets(states, self.attractor)) + self.anchor
 
     def component_velocities(self, states: FloatArray) -> FloatArray:
         """Return what each component adds to ξ̇ at states (n, d): h̃ₖ Aₖ, led back. Shape (n, K, d)."""
-        y, pull = self.coordinates.tangent(states - self.attractor)
+        offsets, place = self.space.tangent(states, self.attractor)
+        y, pull = self.coordinates.tangent(offsets)
         shares = np.einsum("nk,kij,nj->kni", self.responsibilities(states), self.component_matrices, y)
-        return np.stack([pull(each) for each in shares], axis=1)
+        return np.stack([place(pull(each)) for each in shares], axis=1)
 
     def decay(self, states: FloatArray) -> FloatArray:
         """Return −V̇ / (2 V) at states (n, d), shape (n,), [1/s]: how fast √V shrinks there.
@@ -281,9 +314,9 @@ class ActingSkill(Skill):
         Zero exactly where V̇ is, negative where V grows, and no number at the attractor.
         """
         y = self.lifted(states)
-        pulled = (y - self.attractor) @ self.lyapunov
-        along = (pulled * self._moved(y, states)).sum(axis=1)
-        return np.asarray(-along / (pulled * (y - self.attractor)).sum(axis=1))
+        pulled = (y - self.anchor) @ self.lyapunov
+        along = (pulled * self._moved(y, self.charted(states))).sum(axis=1)
+        return np.asarray(-along / (pulled * (y - self.anchor)).sum(axis=1))
 
     @abstractmethod
     def accelerated(self: AnyActing, factor: float) -> AnyActing:
@@ -297,19 +330,30 @@ class ActingSkill(Skill):
             durations: Δt of each step, a number or of shape (n, 1), [s].
         """
         y = self.lifted(states)
-        ahead = y + durations * self._moved(y, states) - self.attractor
-        return self.coordinates.back(ahead) + self.attractor
+        ahead = y + durations * self._moved(y, self.charted(states)) - self.anchor
+        return self.space.placed(self.coordinates.back(ahead), self.attractor)
 
-    def advanced_at(self, state: FloatArray) -> Callable[[float], FloatArray]:
-        """Return what leads one state (d,) ahead by a step of a given Δt [s], as ``advanced`` does."""
-        goal, coordinates = self.attractor, self.coordinates
-        y = coordinates.forward_at(state - goal)
-        velocity = self._moved_at(y + goal, state)
-        return lambda duration: coordinates.back_at(y + duration * velocity) + goal
+    def advanced_at(self, state: FloatArray, near: FloatArray | None = None) -> Callable[[float], Ahead]:
+        """Return what leads one state (d,) ahead by a step of a given Δt [s], as ``advanced`` does.
+
+        Args:
+            state: ξ, shape (d,).
+            near: Offset at which the last step ended, if its side is to be kept; see ``Space.offset_at``.
+        """
+        space, goal, coordinates, anchor = self.space, self.attractor, self.coordinates, self.anchor
+        offset = space.offset_at(state, goal, near)
+        y = coordinates.forward_at(offset)
+        velocity = self._moved_at(y + anchor, self._charted(state, offset))
+
+        def ahead(duration: float) -> Ahead:
+            reached = coordinates.back_at(y + duration * velocity)
+            return Ahead(space.placed_at(reached, goal), reached)
+
+        return ahead
 
     def v_distance(self, states: FloatArray) -> FloatArray:
         """Return √V for states (n, d). Shape (n,)."""
-        return self.form.distance(self.lifted(states) - self.attractor)
+        return self.form.distance(self.lifted(states) - self.anchor)
 
 
 def contraction_period(skill: Skill) -> float:
@@ -328,25 +372,6 @@ def extent(density: GaussianMixture) -> float:
     reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
     return float(np.linalg.norm(high - low))
-
-
-def retargeted(skill: AnySkill, target: npt.ArrayLike) -> AnySkill:
-    """Return the same motion towards ``target`` (d,); all guarantees stay (theory: the motion is relative).
-
-    Raises:
-        UsageError: Wrong number of coordinates, not finite, or a skill with several attractors.
-    """
-    goal = np.asarray(target, dtype=np.float64)
-    attractors = skill.attractors
-    if goal.shape != (skill.dimension,) or not np.isfinite(goal).all():
-        raise UsageError(f"target: expected {skill.dimension} finite numbers, got {np.size(goal)}.")
-    if len(attractors) > 1:
-        raise UsageError(
-            f"this skill has {len(attractors)} attractors; it cannot be moved to one target.",
-            hint="Combine its parts with --align to give them one target.",
-        )
-    # ξ* + (target − ξ*) may differ from the target in its last bit, so the attractor is set once more.
-    return skill.translated(goal - attractors[0]).with_leaves(lambda leaf: replace(leaf, attractor=goal))
 
 
 def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:

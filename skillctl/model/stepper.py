@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, IntArray, length
+from skillctl.arrays import FloatArray, IntArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import Skill
+from skillctl.model.skill import ActingSkill, Skill
 from skillctl.model.space import Space
 
 SHARES = 40  # tried for the share of a step that keeps a speed cap, in coordinates that bend it
+SHORTENED = 0.9  # tried next of a share of a step that is too long
 CLOSE = 1e-10  # a command that is below the cap by at most this share of it is fast enough
 
 
@@ -24,11 +26,36 @@ class Step:
         states: Where the command leads, in the shape of the states it began from.
         command: The velocity to command for the period, in the same shape, per second.
         parts: Which part acts: a number for one state, shape (n,) for many.
+        offset: Of the state that is led to, from the attractor of the part that acts; for the next step, see
+            ``Space.offset_at``. None in plain coordinates.
     """
 
     states: FloatArray
     command: FloatArray
     parts: IntArray | int
+    offset: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Caps:
+    """Limits of a command.
+
+    Attributes:
+        speed: [m/s], or per second in the unit of the space.
+        turn: [rad/s], of a space with orientations.
+    """
+
+    speed: float = math.inf
+    turn: float = math.inf
+
+    def allow(self, space: Space, command: FloatArray) -> float:
+        """Return the largest factor by which a command (d,) keeps both caps: below one if it breaks one."""
+        moving, turning = space.speeds(command)
+        factor = self.speed / moving if moving > 0 else math.inf
+        return min(factor, self.turn / turning) if turning > 0 else factor
+
+
+UNCAPPED = Caps()
 
 
 def moved(space: Space, states: FloatArray, velocities: FloatArray, period: float) -> FloatArray:
@@ -59,15 +86,22 @@ class Stepper:
         self.skill = skill
         self.period = period
         self._selects = len(skill.acting_parts) > 1
-        self._plain = not any(part.coordinates.links for part in skill.acting_parts)
+        self._plain = all(part.plain for part in skill.acting_parts)
 
-    def step(self, state: FloatArray, part: int | None = None, max_speed: float | None = None) -> Step:
+    def step(
+        self,
+        state: FloatArray,
+        part: int | None = None,
+        caps: Caps = UNCAPPED,
+        near: FloatArray | None = None,
+    ) -> Step:
         """Step one state (d,), which is taken as it is.
 
         Args:
             state: ξ, shape (d,).
             part: The acting part; None: the part of the state's region.
-            max_speed: The command's speed at most, per second.
+            caps: What the command keeps.
+            near: ``offset`` of the last step, if the same part acts.
         """
         skill = self.skill
         if not self._selects:
@@ -75,10 +109,10 @@ class Stepper:
         elif part is None or skill.reselects:
             part = skill.selected(state)
         if not self._plain:
-            return self._bent(state, part, max_speed)
+            return self._bent(state, part, caps, near)
         command = skill.velocity_at(state, part)
-        if max_speed is not None and (speed := length(command)) > max_speed:
-            command = command * (max_speed / speed)
+        if caps is not UNCAPPED and (factor := caps.allow(skill.space, command)) < 1:
+            command = command * factor
         return Step(moved(skill.space, state, command, self.period), command, part)
 
     def step_many(self, states: FloatArray, parts: IntArray | None = None) -> Step:
@@ -97,41 +131,66 @@ class Stepper:
         ahead = np.empty_like(states)
         for index in np.unique(parts):
             mask = parts == index
-            ahead[mask] = skill.acting_parts[index].advanced(states[mask], self.period * skill.outer_speed)
+            ahead[mask] = self._ahead(skill.acting_parts[index], states[mask])
         return Step(ahead, skill.space.difference(ahead, states) / self.period, parts)
 
-    def _bent(self, state: FloatArray, part: int, max_speed: float | None) -> Step:
-        """Step one state in coordinates that are not the identity."""
-        skill, duration = self.skill, self.period * self.skill.outer_speed
-        ahead = skill.acting_parts[part].advanced_at(state)
+    def _ahead(self, part: ActingSkill, states: FloatArray) -> FloatArray:
+        """Return where a step leads from states (n, d): full ones, or as long as coordinates allow."""
+        space, durations = self.skill.space, np.full((len(states), 1), self.period * self.skill.outer_speed)
+        ahead = part.advanced(states, durations)
+        longest = part.coordinates.longest(space.offsets(states, part.attractor))
+        for _ in range(SHARES):
+            taken = space.apart(ahead, states)[0] / longest
+            far = taken > 1
+            if not far.any():
+                break
+            durations[far] *= np.minimum(SHORTENED / taken[far], SHORTENED)[:, None]
+            ahead[far] = part.advanced(states[far], durations[far])
+        return ahead
+
+    def _bent(self, state: FloatArray, part: int, caps: Caps, near: FloatArray | None) -> Step:
+        """Step one state in a chart, or in coordinates, that are not the identity."""
+        space, duration = self.skill.space, self.period * self.skill.outer_speed
+        acting = self.skill.acting_parts[part]
+        ahead = acting.advanced_at(state, near)
+        longest = acting.coordinates.longest_at(space.offset_at(state, acting.attractor, near))
+        if longest < math.inf:
+            caps = Caps(min(caps.speed, longest / self.period), caps.turn)
 
         def command_of(share: float) -> FloatArray:
             """Return the constant velocity that leads to where a share of the full step ends."""
-            return skill.space.difference(ahead(share * duration), state) / self.period
+            return space.difference_at(ahead(share * duration).state, state) / self.period
 
-        command = command_of(1.0)
-        if max_speed is not None and length(command) > max_speed:
-            command = _within(command_of, max_speed)
-        return Step(moved(skill.space, state, command, self.period), command, part)
+        reached = ahead(duration)
+        command = space.difference_at(reached.state, state) / self.period
+        if caps is not UNCAPPED and caps.allow(space, command) < 1:
+            share = _within(lambda share: 1 / caps.allow(space, command_of(share)))
+            reached = ahead(share * duration)
+            command = space.difference_at(reached.state, state) / self.period
+            if share == 0 and (factor := caps.allow(space, command)) < 1:
+                # The state is inside a body, and led out of it straight: no longer step is known to be safe.
+                command = command * factor
+                return Step(moved(space, state, command, self.period), command, part)
+        return Step(reached.state, command, part, reached.offset)
 
 
-def _within(command_of: Callable[[float], FloatArray], cap: float) -> FloatArray:
-    """Return the command of about the largest share in [0, 1] that keeps a cap which that of 1 exceeds.
+def _within(taken: Callable[[float], float]) -> float:
+    """Return about the largest share in [0, 1] of a step that takes no more than all of a cap.
 
-    The length of a command is nearly proportional to the share, so the Illinois method (regula falsi that
-    halves the end which stays) needs a handful of trials where bisection needs forty.
+    What a step takes is nearly proportional to its share, so the Illinois method (regula falsi that halves
+    the end which stays) needs a handful of trials where bisection needs forty.
+
+    Args:
+        taken: How much of the cap a share takes; more than one for the full step.
     """
-    low, high, below, above = 0.0, 1.0, -cap, length(command_of(1.0)) - cap
-    best = command_of(0.0)
+    low, high, below, above = 0.0, 1.0, -1.0, taken(1.0) - 1
     for _ in range(SHARES):
         share = (low * above - high * below) / (above - below)
-        command = command_of(share)
-        excess = length(command) - cap
+        excess = taken(share) - 1
         if excess > 0:
             high, above, below = share, excess, 0.5 * below
             continue
-        best = command
-        if excess >= -CLOSE * cap:
-            break
         low, below, above = share, excess, 0.5 * above
-    return best
+        if excess >= -CLOSE:
+            break
+    return low

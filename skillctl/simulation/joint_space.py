@@ -12,7 +12,8 @@ import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import Skill, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import Skill
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, LIMIT_MARGIN, ArmBody, Tracking
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import Metrics, RefusedError, Setup, TimeSeries, arrival

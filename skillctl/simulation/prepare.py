@@ -9,7 +9,8 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.skill import Skill, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import Skill
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.episode import RefusedError, Setup

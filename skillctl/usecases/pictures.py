@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skillctl.errors import StoreError
-from skillctl.model.skill import Skill, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import Skill
 from skillctl.plotting.fit import draw_fit
 from skillctl.plotting.formats import require_few, require_picture
 from skillctl.plotting.portrait import Portrait, motions_from, portrait_of

@@ -10,7 +10,7 @@ from skillctl.adapt.weights import fit_velocities, most_helpful
 from skillctl.compose.merge import merge
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
-from skillctl.model.skill import retargeted
+from skillctl.model.retarget import retargeted
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps

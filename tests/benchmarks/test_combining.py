@@ -24,8 +24,8 @@ from skillctl.evaluate.coverage import calibrated_priors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.controller import Controller
+from skillctl.model.retarget import retargeted
 from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
-from skillctl.model.skill import retargeted
 
 NAMES = (
     "Angle",

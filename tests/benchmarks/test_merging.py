@@ -25,7 +25,7 @@ from skillctl.geometry import resample_by_arc_length
 from skillctl.learning.fit import fit, learned_distance
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
-from skillctl.model.skill import retargeted
+from skillctl.model.retarget import retargeted
 
 PLACES = {"top-left": (0, 2), "top-right": (1, 2), "bottom-centre": (0, 1)}  # parts that share side or height
 COLUMNS = (

@@ -34,8 +34,8 @@ from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import retargeted
 from skillctl.model.space import Euclidean
 
 PLACE, NEAREST = 0.06, 0.04  # [m], of LASA targets: within ± PLACE, at least NEAREST apart

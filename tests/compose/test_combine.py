@@ -19,8 +19,8 @@ from skillctl.evaluate.coverage import (
 from skillctl.learning.em import POSITION_FLOOR
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.retarget import retargeted
 from skillctl.model.rollout import ARRIVAL_DISTANCE, rollout
-from skillctl.model.skill import retargeted
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps

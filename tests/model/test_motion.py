@@ -11,9 +11,10 @@ from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.retarget import retargeted
 from skillctl.model.rollout import ARRIVAL_DISTANCE, arrival_distance_of, rollout
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import extent, retargeted
+from skillctl.model.skill import extent
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps

@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import retargeted
+from skillctl.model.retarget import retargeted
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps

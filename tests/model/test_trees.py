@@ -10,7 +10,7 @@ from skillctl.model.combined import CombinedSkill
 from skillctl.model.gates import MERGE_GATES as RECORDS
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
-from skillctl.model.skill import retargeted
+from skillctl.model.retarget import retargeted
 from skillctl.model.space import Euclidean
 
 EPS = np.finfo(float).eps

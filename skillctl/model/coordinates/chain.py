@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import TypeAlias
 
 import numpy as np
@@ -59,6 +60,17 @@ class Link(ABC):
         """Return y = c(x) for one offset (d,), and what leads a velocity ẏ (d,) there back to ẋ (d,)."""
         y, pull = self.tangent(offset[None])
         return y[0], lambda velocity: pull(velocity[None])[0]
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move from offsets (n, d) in a straight line. Shape (n,); infinite here.
+
+        Between two states the robot moves straight, which is not what the map says of states in between.
+        """
+        return np.full(len(offsets), np.inf)
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,) in a straight line, as ``longest`` does."""
+        return inf
 
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold c(s) for all s in the boxes from ``low`` to ``high``, (n, d) each.
@@ -114,6 +126,14 @@ class Chain(Link):
             low, high = link.bounds_back(low, high)
         return low, high
 
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a state may move in a straight line; see ``Link``. Only the first link knows it."""
+        return self.links[0].longest(offsets) if self.links else np.full(len(offsets), np.inf)
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a state may move from one offset (d,); see ``longest``."""
+        return self.links[0].longest_at(offset) if self.links else inf
+
     def in_unit(self, unit: float) -> Chain:
         """Return the same coordinates in other lengths; see ``Link``."""
         return Chain(tuple(link.in_unit(unit) for link in self.links))
@@ -141,6 +161,78 @@ class Chain(Link):
             offset, pull = link.tangent_at(offset)
             pulls.append(pull)
         return offset, _one_after_the_other(pulls)
+
+
+@dataclass(frozen=True, slots=True)
+class OnPosition(Link):
+    """A link that acts on the first coordinates of an offset, the position, and leaves the others alone.
+
+    Attributes:
+        link: The map of the position.
+        size: Number of coordinates of a position.
+    """
+
+    link: Link
+    size: int = 3
+
+    def forward(self, offsets: FloatArray) -> FloatArray:
+        """Return y = c(x) for offsets (n, d). Shape (n, d)."""
+        return self._with(self.link.forward(offsets[:, : self.size]), offsets)
+
+    def back(self, coordinates: FloatArray) -> FloatArray:
+        """Return x = c⁻¹(y) for coordinates (n, d). Shape (n, d)."""
+        return self._with(self.link.back(coordinates[:, : self.size]), coordinates)
+
+    def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for offsets (n, d), and what leads velocities back; see ``Link``."""
+        y, pull = self.link.tangent(offsets[:, : self.size])
+        return self._with(y, offsets), lambda velocities: self._with(
+            pull(velocities[:, : self.size]), velocities
+        )
+
+    def longest(self, offsets: FloatArray) -> FloatArray:
+        """Return how far a position may move in a straight line; see ``Link``."""
+        return self.link.longest(offsets[:, : self.size])
+
+    def longest_at(self, offset: FloatArray) -> float:
+        """Return how far a position may move from one offset (d,); see ``Link``."""
+        return self.link.longest_at(offset[: self.size])
+
+    def in_unit(self, unit: float) -> OnPosition:
+        """Return the same map in other lengths; see ``Link``."""
+        return OnPosition(self.link.in_unit(unit), self.size)
+
+    def check(self) -> tuple[str, ...]:
+        """Return why the map is not exactly invertible, in sentences; none if it is."""
+        return self.link.check()
+
+    def forward_at(self, offset: FloatArray) -> FloatArray:
+        """Return y for one offset (d,)."""
+        return np.concatenate([self.link.forward_at(offset[: self.size]), offset[self.size :]])
+
+    def back_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return x for one y (d,)."""
+        return np.concatenate([self.link.back_at(coordinate[: self.size]), coordinate[self.size :]])
+
+    def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
+        """Return y for one offset (d,), and what leads a velocity back; see ``Link``."""
+        y, pull = self.link.tangent_at(offset[: self.size])
+        return np.concatenate([y, offset[self.size :]]), lambda velocity: np.concatenate(
+            [pull(velocity[: self.size]), velocity[self.size :]]
+        )
+
+    def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c(s) for all s in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_forward(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return boxes that hold c⁻¹(y) for all y in boxes, (n, d) each; see ``Link.bounds_forward``."""
+        lower, upper = self.link.bounds_back(low[:, : self.size], high[:, : self.size])
+        return self._with(lower, low), self._with(upper, high)
+
+    def _with(self, positions: FloatArray, rest: FloatArray) -> FloatArray:
+        return np.concatenate([positions, rest[:, self.size :]], axis=1)
 
 
 def _one_after_the_other(pulls: list[Pull]) -> Pull:
