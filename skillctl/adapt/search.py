@@ -17,13 +17,14 @@ from skillctl.compose.merge import common_members
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.gates import MERGE_GATES
-from skillctl.model.skill import ActingSkill, Skill, contraction_period, retargeted
+from skillctl.model.retarget import retargeted
+from skillctl.model.skill import ActingSkill, Skill, contraction_period
 
 STARTS = 16  # that every candidate is judged from
 GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
 FINER = (1 / 12, 1 / 24, 1 / 48)  # weights that are moved from one part to another, round by round
 FACTORS = (0.5, 2.0)  # of a component, that are tried one at a time
-PAYS = 0.05  # a score that is better by less is not worth a factor per component
+PAYS = 0.05  # a score that is better by less is not worth more parts, or a factor per component
 SLOWER = 2.5  # a merger is followed for this many times the time of the slowest single skill
 RESOLUTION = 150  # steps of a merger, at least, in the time of the slowest single skill
 LONGEST_STEP = 0.02  # [s]
@@ -78,7 +79,7 @@ class Search:
     """What was tried for a task.
 
     Attributes:
-        candidates: All, the best first.
+        candidates: All by score, but first the simplest of those that are nearly as good as the best.
         single: The best skill that is moved to the target and changed no further.
         equal: All parts with equal weights; None if there is one part, or no common proof.
         judge: What they were judged by.
@@ -91,7 +92,7 @@ class Search:
 
     @property
     def best(self) -> Candidate:
-        """The candidate with the largest score."""
+        """The first candidate."""
         return self.candidates[0]
 
 
@@ -128,7 +129,7 @@ def search(
     usable = [i for i, skill in enumerate(skills) if len(skill.attractors) == 1]
     if not usable:
         raise UsageError("adapt: no skill has one target.", hint="Combine skills with --align first.")
-    judge = Judge.of(task, skills[0].space, starts, shown, like)
+    judge = Judge.of(task, skills[usable[0]], starts, shown, like)
     trial = _Trial(judge, len(skills))
     singles = {i: retargeted(skills[i], judge.target) for i in usable}
     alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
@@ -141,7 +142,7 @@ def search(
         slowest = max(motions.step * motions.states.shape[1] for motions in alone.values())
         merged = trial.merged(Blends(moved), slowest)
     equal = next((c for c in merged if c.gate == MERGE_GATES[0].name and np.ptp(c.weights) == 0), None)
-    ranked = sorted([*found, *merged, *combined], key=_score, reverse=True)
+    ranked = _ranked([*found, *merged, *combined])
     return Search(tuple(ranked), max(found, key=_score), equal, judge)
 
 
@@ -163,7 +164,8 @@ def search_robustly(
         if not found.best.holds or task.start.points is not None:
             break
         drawn = task.start.drawn(DRAWN, FIRST_SEED + number)
-        margins = Judge.of(task, skills[0].space, drawn, shown, like).trial(found.best.build())
+        skill = found.best.build()
+        margins = Judge.of(task, skill, drawn, shown, like).trial(skill)
         worst = np.min([values for values in margins.values() if len(values) == DRAWN], axis=0)
         failing = np.argsort(worst)[:ADDED][np.sort(worst)[:ADDED] < 0]
         if not len(failing):
@@ -185,11 +187,12 @@ def shortlist(
     P and charts. The parts of the best pairs are taken, and the best single skill.
     """
     starts = task.start.spread(STARTS // 2)
-    judge = Judge.of(task, skills[0].space, starts, shown, like)
+    usable = {i: skill for i, skill in enumerate(skills) if len(skill.attractors) == 1}
+    if len(usable) <= MOST_PARTS:
+        return tuple(usable)
+    judge = Judge.of(task, next(iter(usable.values())), starts, shown, like)
     trial = _Trial(judge, len(skills))
-    singles = {i: retargeted(s, judge.target) for i, s in enumerate(skills) if len(s.attractors) == 1}
-    if len(singles) <= MOST_PARTS:
-        return tuple(singles)
+    singles = {i: retargeted(skill, judge.target) for i, skill in usable.items()}
     alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
     ranked = sorted(trial.singles(singles, alone), key=_score, reverse=True)
     best = [c.parts[0] for c in ranked[:PAIRED]]
@@ -224,6 +227,14 @@ def _paired(
         x = space.displace(x, step * velocities)
         kept.append(x)
     return np.stack(kept, axis=2)
+
+
+def _ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates by score, but first the simplest of those that are nearly as good as the best."""
+    ranked = sorted(candidates, key=_score, reverse=True)
+    near = [c for c in ranked if c.score > ranked[0].score - PAYS and c.holds == ranked[0].holds]
+    simplest = min(near, key=lambda c: (c.component_wise, len(c.parts)))
+    return [simplest, *(c for c in ranked if c is not simplest)]
 
 
 def _common(skills: Sequence[Skill]) -> Sequence[ActingSkill] | None:

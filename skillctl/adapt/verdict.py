@@ -11,6 +11,7 @@ from skillctl.adapt.clauses import Clause, PeriodLimit, StayIn, Target, TimeLimi
 from skillctl.adapt.judge import Judge
 from skillctl.adapt.task_file import Task
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.tally import wilson_interval
 from skillctl.stability.reach import MOST_COORDINATES, Reach, bound_reach
@@ -105,7 +106,7 @@ def judge_task(
     """
     drawn = task.start.drawn(FRESH, seed)
     corners = task.start.corners() if task.start.points is None else drawn[:0]
-    judge = Judge.of(task, skill.space, np.concatenate([drawn, corners]), shown, like)
+    judge = Judge.of(task, skill, np.concatenate([drawn, corners]), shown, like)
     margins = judge.trial(skill)
     reach = _reach(task, skill, certificate)
     held = np.ones(len(drawn), dtype=bool)
@@ -140,7 +141,7 @@ def proved_margin(
     - ``time``: √V falls by e^(−r t); the bound is far above what is measured.
     - ``period``: the certificate's.
     """
-    at_target = bool((skill.attractors == np.array(task.target.position)).all())
+    at_target = bool((retargeted(skill, task.target.position).attractors == skill.attractors).all())
     if isinstance(clause, Target):
         return clause.tolerance if certificate.scope == "global" and at_target else None
     if isinstance(clause, PeriodLimit):

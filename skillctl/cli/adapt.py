@@ -45,8 +45,8 @@ def adapt(
         Path | None,
         typer.Option(
             metavar="DEMO|SCENARIO.toml",
-            help="Only print a task file: start box and target of demonstrations, or those of a scenario with "
-            "the bodies of its scene.",
+            help="Only print a task file: start box and target of demonstrations, or those of a scenario "
+            "with the bodies of its scene.",
             rich_help_panel=TASK,
         ),
     ] = None,

@@ -236,7 +236,7 @@ def adapt(
     request = Request(Destination.at(output, name, store, note), force)
     asked = AskedTask.read(task, store, lock)
     sources, notes = _sources(skills, asked, from_store, request.destination, lock)
-    options = {
+    options: dict[str, Any] = {
         "task": asked.task.digest,
         "from_store": from_store,
         "refit": refit,
@@ -268,7 +268,7 @@ def adapt(
         picture_task(asked, artifact.skill, plot)
     used = [known[record.digest] for record in artifact.provenance.parents]
     shares = artifact.skill.shares.tolist() or [1.0]
-    results = artifact.operation.results
+    results: Mapping[str, Any] = artifact.operation.results
     return AdaptReport(
         **{"warnings": (), "reasons": made.reasons, **fields},
         holds=verdict.holds,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skillctl.adapt.picture import task_picture
 from skillctl.errors import StoreError
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
@@ -16,12 +17,14 @@ from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
 from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
+from skillctl.plotting.task import draw_task
 from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
 
 if TYPE_CHECKING:  # both import the learner, which most pictures do not need
     from skillctl.evaluate.left_out import LeftOut
+    from skillctl.usecases.adapt import AskedTask
     from skillctl.usecases.verify_stability import VerifyReport
 
 
@@ -113,6 +116,21 @@ def reopened(path: Path, digest: str | None) -> Artifact:
     if artifact.digest != digest:
         raise StoreError(f"{path}: changed while it was being drawn.", hint="Run the command again.")
     return artifact
+
+
+def picture_task(asked: AskedTask, skill: Skill, path: Path) -> None:
+    """Draw a task and the motions of a skill from starts all over its start box.
+
+    Args:
+        asked: The task.
+        skill: Whose motions are drawn.
+        path: The file; its suffix decides the format.
+
+    Raises:
+        UsageError: No such format, or neither two nor three coordinates.
+        StoreError: The picture cannot be written.
+    """
+    _write(path, draw_task(task_picture(asked.task, skill, shown=asked.shown, like=asked.like)))
 
 
 def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list[Picture]:
