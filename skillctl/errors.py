@@ -48,6 +48,10 @@ class SkillctlError(Exception):
         super().__init__(message)
         self.hint = hint
 
+    def add(self, sentence: str) -> None:
+        """Say one sentence more, about what had happened by then."""
+        self.args = (f"{self} {sentence}",)
+
     def __reduce__(self) -> tuple[Any, ...]:  # the default loses keyword-only arguments between processes
         return Exception.__new__, (type(self), *self.args), self.__dict__
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skillctl.errors import InputDataError, NotFoundError, did_you_mean, printable
+from skillctl.opening import open_regular
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -63,10 +64,10 @@ def read_toml(path: Path, kind: str, hint: str) -> dict[str, Any]:
 
     Raises:
         NotFoundError: There is no such file.
-        InputDataError: It is too long, or not TOML.
+        InputDataError: It is no regular file, too long, or not TOML.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise NotFoundError(f"{path}: there is no such file.", hint=hint) from None

@@ -188,9 +188,9 @@ _HINTS = {
     errno.EACCES: "Check the permissions of the file and its directory.",
     errno.EPERM: "Check the permissions of the file and its directory.",
     errno.EROFS: "Choose a place that can be written to.",
-    errno.ENOSPC: "Free some space; nothing was changed.",
-    errno.EDQUOT: "Your disk quota is used up; nothing was changed.",
-    errno.EFBIG: "The limit on file sizes (`ulimit -f`) is too small; nothing was changed.",
+    errno.ENOSPC: "Free some space.",
+    errno.EDQUOT: "Your disk quota is used up.",
+    errno.EFBIG: "The limit on file sizes (`ulimit -f`) is too small.",
     errno.ENAMETOOLONG: "Choose a shorter name.",
 }
 

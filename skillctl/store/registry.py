@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal, NamedTuple
 
-from skillctl.errors import NotFoundError, SkillctlError, did_you_mean, printable
+from skillctl.errors import NotFoundError, SkillctlError, StoreError, UsageError, did_you_mean, printable
 from skillctl.store.backend import Backend
 from skillctl.store.files import missing_file, system_errors
 from skillctl.store.folder import Folder, require_alias, what_there_is
@@ -57,6 +58,13 @@ class Located:
     def shown(self) -> str:
         """``name@3`` for a skill of a store, else the path."""
         return str(self.path) if self.name is None else f"{self.name}@{self.version}"
+
+
+class Removed(NamedTuple):
+    """What was removed of a skill: versions, rising, and the version that each lost alias named."""
+
+    versions: tuple[int, ...]
+    aliases: dict[str, int]
 
 
 class Registry:
@@ -138,10 +146,12 @@ class Registry:
             UsageError: No skill can have this name.
             ArtifactError: Not an artifact, or a symbolic link stands where a directory belongs.
             StoreError: No permission, no space.
-            KeyboardInterrupt: Interrupted or terminated; its text says whether the version was published.
+            KeyboardInterrupt: Interrupted or terminated.
+
+        The text of the last two says whether the version was published.
         """
         folder = self._folder(name)
-        with _telling(folder, data):
+        with _telling_publication(folder, data):
             from skillctl.store.reader import digest_of
 
             digest = digest_of(data, f"the new version of {name}")
@@ -192,21 +202,35 @@ class Registry:
             folder.write_aliases(aliases)
         return version
 
-    def remove(self, name: str, versions: Iterable[int]) -> dict[str, int]:
-        """Remove versions of a skill with their aliases, and return those; their numbers stay taken.
+    def remove(
+        self, name: str, versions: Iterable[int], *, tagged: Literal["remove", "keep", "refuse"] = "remove"
+    ) -> Removed:
+        """Remove versions of a skill, with their aliases; their numbers stay taken.
+
+        Args:
+            name: Of the skill.
+            versions: Which.
+            tagged: What becomes of those that have an alias at the moment nobody else can change that.
 
         Raises:
             NotFoundError: There is no such skill.
+            UsageError: One has an alias, and that is refused; nothing is removed.
             InvalidRefsError: The file that holds the aliases cannot be understood; nothing is removed.
+            StoreError: The disk refused; its text says what is gone.
         """
-        with self._existing(name).changing() as folder:
+        existing = self._existing(name)
+        with _telling_removal(existing), existing.changing() as folder:
             doomed = set(versions) & set(folder.versions())
             aliases = folder.aliases()
+            if tagged == "keep":
+                doomed -= set(aliases.values())
             lost = {alias: version for alias, version in aliases.items() if version in doomed}
+            if lost and tagged == "refuse":
+                raise has_alias(name, *next(iter(lost.items())))
             if lost:
                 folder.write_aliases({a: v for a, v in aliases.items() if a not in lost})
             folder.remove(doomed)
-        return lost
+        return Removed(tuple(sorted(doomed)), lost)
 
     def _folder(self, name: str) -> Folder:
         return Folder(self.backend, require_name(name))
@@ -230,27 +254,58 @@ class Registry:
         )
 
 
+def has_alias(name: str, alias: str, version: int) -> UsageError:
+    """Return the error for a version that is not removed, because it has an alias."""
+    return UsageError(
+        f"{name}@{version} is {name}@{alias}; nothing was removed.",
+        hint=f"`skillctl untag {name} {alias}` first, or --force.",
+    )
+
+
 @contextmanager
-def _telling(folder: Folder, data: bytes) -> Iterator[None]:
-    """Let an interrupt say whether it came before or after the version had its name.
+def _telling_publication(folder: Folder, data: bytes) -> Iterator[None]:
+    """Let an interrupt, or the disk's refusal, say whether it came before or after the version had its name.
 
     It may come between the link and the next line of Python, so only the directory knows.
     """
+    before = _known(folder)[0]
 
-    def numbers() -> tuple[int, ...]:
-        try:
-            return folder.versions()
-        except (OSError, SkillctlError):  # publishing itself says why
-            return ()
+    def outcome() -> str:
+        mine = [n for n in _known(folder)[0] if n not in before and folder.holds(n, data)]
+        name = folder.name
+        return f"{name}@{mine[0]} was published" if mine else f"nothing was published as {name}"
 
-    before = numbers()
     try:
         yield
     except KeyboardInterrupt as stop:
-        mine = [n for n in numbers() if n not in before and folder.holds(n, data)]
-        name = folder.name
-        stop.args = (f"{name}@{mine[0]} was published" if mine else f"nothing was published as {name}",)
+        stop.args = (outcome(),)
         raise
+    except StoreError as error:
+        said = outcome()
+        error.add(f"{said[0].upper()}{said[1:]}." if said.startswith("nothing") else f"{said}, all the same.")
+        raise
+
+
+@contextmanager
+def _telling_removal(folder: Folder) -> Iterator[None]:
+    """Let the disk's refusal say what is gone: versions go one after the other, and aliases before them."""
+    versions, aliases = _known(folder)
+    try:
+        yield
+    except StoreError as error:
+        left, words = _known(folder)
+        gone = [f"{folder.name}@{version}" for version in versions if version not in left]
+        gone += [f"{folder.name}@{alias}" for alias in aliases if alias not in words]
+        error.add(f"Removed before that: {', '.join(gone)}." if gone else "Nothing was removed.")
+        raise
+
+
+def _known(folder: Folder) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Return the versions and the aliases of a skill; none if they cannot be read: another error says why."""
+    try:
+        return folder.versions(), tuple(folder.aliases())
+    except (OSError, SkillctlError):
+        return (), ()
 
 
 def existing_file(path: Path) -> Located:

@@ -82,12 +82,12 @@ def list_skills(store: Path | None = None, *, names: Sequence[str] = (), check: 
     registry = Registry(existing_store(store))
     for name in names:
         registry.locate(name)
-    return StoreReport(
-        registry.root, tuple(_skill(registry, name, check) for name in names or registry.names())
-    )
+    found = (_skill(registry, name, check) for name in names or registry.names())
+    return StoreReport(registry.root, tuple(skill for skill in found if skill is not None))
 
 
-def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
+def _skill(registry: Registry, name: str, check: bool) -> StoredSkill | None:
+    """Return what the store has of a name; None if its last version was removed meanwhile."""
     numbers = registry.versions(name)
     words: dict[int, tuple[str, ...]] = {}
     problem = None
@@ -95,18 +95,27 @@ def _skill(registry: Registry, name: str, check: bool) -> StoredSkill:
         words = by_version(registry.aliases(name))
     except (ArtifactError, StoreError) as error:
         problem = str(error)
-    entries = tuple(_entry(registry, name, number, words.get(number, ()), check) for number in numbers)
-    return StoredSkill(name, numbers, registry.path_of(name, numbers[-1]), entries, problem)
+    found = (_entry(registry, name, number, words.get(number, ()), check) for number in numbers)
+    entries = tuple(entry for entry in found if entry is not None)
+    if not entries:
+        return None
+    versions = tuple(entry.version for entry in entries)
+    return StoredSkill(name, versions, registry.path_of(name, versions[-1]), entries, problem)
 
 
-def _entry(registry: Registry, name: str, version: int, words: tuple[str, ...], check: bool) -> VersionEntry:
+def _entry(
+    registry: Registry, name: str, version: int, words: tuple[str, ...], check: bool
+) -> VersionEntry | None:
+    """Return what is known of a version; None if it was removed meanwhile."""
     try:
         header = registry.header(name, version)
         if check:
             from skillctl.store import read_skill  # late: a list reads first bytes only, without HDF5
 
             read_skill(registry.path_of(name, version))
-    except (ArtifactError, NotFoundError, StoreError) as error:
+    except NotFoundError:
+        return None
+    except (ArtifactError, StoreError) as error:
         return VersionEntry(version, words, verified=False if check else None, problem=str(error))
     verified = True if check else None
     return VersionEntry(version, words, header.kind, header.digest, header.file_bytes, verified)

@@ -11,7 +11,7 @@ from typing import Any, cast
 from skillctl.adapt.candidates import Candidates, candidates_from_store, require_same_space
 from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
-from skillctl.adapt.together import Refit, Together, prove_together
+from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
@@ -158,11 +158,13 @@ def _merged(
 
     def build() -> tuple[Artifact, Certificate, _Details]:
         _try(options, sources)
-        together = prove_together(sources, options.merge, speed=options.speed, refit=refit, progress=progress)
+        together = prove_together(
+            prepared(sources, options), options.merge, speed=options.speed, refit=refit, progress=progress
+        )
         merged = options.merge(together.parts, together.lyapunov)
         certificate = require_stable(certify(merged))
         done = operation.model_copy(update={"results": together.results})
-        artifact = child_artifact(merged, sources, done, together.reports)
+        artifact = child_artifact(merged, sources, done, together.reports, turn=options.turn)
         return artifact, certificate, _Details(together, notes=_follows_none(artifact))
 
     return make(request, operation, build, parents=parents_of(sources), fits=partial(_fits, sources))
@@ -195,7 +197,7 @@ def _fitted(
     def build() -> tuple[Artifact, Certificate, _Details]:
         require_same_space(sources, demonstrations)
         _try(plain, sources)
-        together = prove_together(sources, plain.merge, refit=refit, progress=progress)
+        together = prove_together(prepared(sources, plain), plain.merge, refit=refit, progress=progress)
         fitted = fit_to_task(
             together.parts, demonstrations, together.lyapunov, level=task.level, target=target
         )
@@ -286,6 +288,8 @@ def _follows_none(artifact: Artifact) -> tuple[str, ...]:
 
 def _require_free_weights(options: MergeOptions) -> None:
     """Raise UsageError if options are given that fitting chooses itself."""
+    if options.turn:
+        raise UsageError("turn and fit exclude each other.", hint="Leave out --turn, or --fit.")
     for given, what in (
         (options.part_weights is not None, "weights"),
         (options.gate != "superposition", "gate"),

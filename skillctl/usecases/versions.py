@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from skillctl.errors import UsageError, printable
+from skillctl.errors import NotFoundError, SkillctlError, UsageError, printable
 from skillctl.store import Reference, Registry, existing_store, parse_reference
 from skillctl.store.folder import by_version
+from skillctl.store.registry import Removed, has_alias
 
 
 @dataclass(frozen=True)
@@ -121,11 +123,8 @@ def remove(
     for name, numbers in () if force else doomed.items():
         for alias, version in registry.aliases(name).items():
             if version in numbers:
-                raise UsageError(
-                    f"{name}@{version} is {name}@{alias}; nothing was removed.",
-                    hint=f"`skillctl untag {name} {alias}` first, or --force.",
-                )
-    return _remove(registry, doomed, dry_run)
+                raise has_alias(name, alias, version)
+    return _remove(registry, doomed, "remove" if force else "refuse", dry_run)
 
 
 def collect(
@@ -157,11 +156,8 @@ def collect(
     registry = Registry(existing_store(store))
     for name in names:
         registry.locate(name)
-    doomed: dict[str, set[int]] = {}
-    for name in names or registry.names():
-        tagged = set(registry.aliases(name).values()) if keep_tagged else set()
-        doomed[name] = set(registry.versions(name)[:-keep_last]) - tagged
-    return _remove(registry, doomed, dry_run)
+    doomed = {name: set(registry.versions(name)[:-keep_last]) for name in names or registry.names()}
+    return _remove(registry, doomed, "keep" if keep_tagged else "remove", dry_run)
 
 
 def _in_store(reference: str) -> Reference:
@@ -174,15 +170,45 @@ def _in_store(reference: str) -> Reference:
     return parsed
 
 
-def _remove(registry: Registry, doomed: dict[str, set[int]], dry_run: bool) -> RemoveReport:
+def _remove(
+    registry: Registry,
+    doomed: dict[str, set[int]],
+    tagged: Literal["remove", "keep", "refuse"],
+    dry_run: bool,
+) -> RemoveReport:
+    """Remove versions, or say which would be; skills that others remove meanwhile are passed over."""
     removed: list[Removal] = []
-    kept = sum(len(registry.versions(name)) - len(numbers) for name, numbers in doomed.items())
+    kept = 0
     for name, numbers in sorted(doomed.items()):
-        if not numbers:
+        try:
+            gone = _gone(registry, name, numbers, tagged, dry_run)
+            kept += len(registry.versions(name)) - (len(gone.versions) if dry_run else 0)
+        except NotFoundError:
             continue
-        words = by_version(registry.aliases(name) if dry_run else registry.remove(name, numbers))
+        except SkillctlError as error:
+            if removed:
+                error.add(f"Removed before that: {', '.join(each.skill for each in removed)}.")
+            raise
+        words = by_version(gone.aliases)
         removed += [
             Removal(f"{name}@{number}", registry.path_of(name, number), words.get(number, ()))
-            for number in sorted(numbers)
+            for number in gone.versions
         ]
     return RemoveReport(registry.root, tuple(removed), kept, dry_run)
+
+
+def _gone(
+    registry: Registry,
+    name: str,
+    numbers: set[int],
+    tagged: Literal["remove", "keep", "refuse"],
+    dry_run: bool,
+) -> Removed:
+    """Remove versions of one skill, or find out which would be."""
+    if not numbers:
+        return Removed((), {})
+    if not dry_run:
+        return registry.remove(name, numbers, tagged=tagged)
+    aliases = registry.aliases(name)
+    numbers = numbers - set(aliases.values()) if tagged == "keep" else numbers
+    return Removed(tuple(sorted(numbers)), {a: v for a, v in aliases.items() if v in numbers})

@@ -132,6 +132,36 @@ WRITERS = {
 }
 
 
+@pytest.mark.parametrize(
+    ("call", "said", "left"),
+    [(1, "Nothing was removed.", (1, 2, 3)), (2, "Removed before that: reach@1, reach@release.", (2, 3))],
+)
+def test_a_removal_that_the_disk_refuses_says_what_is_gone(registry, monkeypatch, call, said, left):
+    registry.tag("reach", 1, "release")
+    synced, calls = os.fsync, iter(range(1, 100))
+
+    def full(descriptor):  # first the aliases are synced, then the directory without the version
+        if next(calls) >= call:
+            raise OSError(28, "No space left on device")
+        synced(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(StoreError, match="No space left on device") as caught:
+            registry.remove("reach", [1])
+    assert str(caught.value).endswith(said)
+    assert registry.versions("reach") == left
+
+
+def test_a_version_that_was_tagged_meanwhile_is_kept_or_refused(registry):
+    registry.tag("reach", 1, "release")
+    assert registry.remove("reach", [1, 2], tagged="keep") == ((2,), {})
+    with pytest.raises(UsageError, match=r"reach@1 is reach@release; nothing was removed\."):
+        registry.remove("reach", [1], tagged="refuse")
+    assert registry.versions("reach") == (1, 3)
+    assert registry.aliases("reach") == {"release": 1}
+
+
 @pytest.mark.parametrize("writer", WRITERS)
 def test_signatures_of_a_version_that_is_gone_are_removed_by_the_next_writer(registry, versions, writer):
     """A removal may be killed when the version is gone and its signatures are not."""

@@ -231,7 +231,7 @@ def test_aliases_given_at_once_are_all_kept(registry):
 def test_a_removed_version_loses_its_alias_and_leaves_the_others(registry):
     registry.tag("reach", 2, "release")
     registry.tag("reach", 3, "next")
-    assert registry.remove("reach", [2]) == {"release": 2}
+    assert registry.remove("reach", [2]) == ((2,), {"release": 2})
     assert registry.versions("reach") == (1, 3)
     assert registry.aliases("reach") == {"next": 3}
     with pytest.raises(NotFoundError, match="reach has no version 2: it was removed"):
