@@ -123,24 +123,12 @@ def clauses(report: AdaptReport) -> render.Table:
     """Return a table of the clauses and their margins; what fails has a negative one."""
     columns = {
         "clause": lambda row: row.clause,
-        "margin": lambda row: margin(row.margin, row.unit),
-        "proved": lambda row: words.NONE if row.bound is None else _proved(row.bound, row.unit),
-        "best single skill": lambda row: margin(row.single, row.unit),
-        "equal weights": lambda row: margin(row.equal, row.unit),
+        "margin": lambda row: words.margin(row.margin, row.unit),
+        "proved": lambda row: words.proved_margin(row.bound, row.unit),
+        "best single skill": lambda row: words.margin(row.single, row.unit),
+        "equal weights": lambda row: words.margin(row.equal, row.unit),
     }
     return render.table(report.clauses, columns)
-
-
-def margin(value: float | None, unit: str) -> str:
-    """Return a margin with its sign; lengths in millimetres."""
-    if value is None:
-        return words.NONE
-    scaled, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
-    return f"{scaled:+.3g} {unit}"
-
-
-def _proved(bound: float, unit: str) -> str:
-    return f"yes, {margin(bound, unit)}" if bound >= 0 else f"no, {margin(bound, unit)}"
 
 
 def _candidates(report: AdaptReport) -> render.Table:
@@ -149,7 +137,7 @@ def _candidates(report: AdaptReport) -> render.Table:
         "weights": lambda row: " ".join(f"{weight:.2f}" for weight in row.weights),
         "score": lambda row: f"{row.score:.2f}",
         "worst clause": lambda row: row.worst,
-        "its margin": lambda row: margin(row.margin, _unit(report, row.worst)),
+        "its margin": lambda row: words.margin(row.margin, _unit(report, row.worst)),
     }
     return render.table(report.candidates, columns)
 

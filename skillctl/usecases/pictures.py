@@ -23,8 +23,8 @@ from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
 
 if TYPE_CHECKING:  # both import the learner, which most pictures do not need
+    from skillctl.adapt.asked import AskedTask
     from skillctl.evaluate.left_out import LeftOut
-    from skillctl.usecases.adapt import AskedTask
     from skillctl.usecases.verify_stability import VerifyReport
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from junitparser import JUnitXml
 
 from skillctl.adapt.task_file import read_task
 from skillctl.store import read_skill
@@ -174,3 +175,20 @@ def test_to_be_like_a_skill_is_judged_by_its_motions(run, task_file, library, tm
     margins = {each["clause"]: each["margin"] for each in report["clauses"]}
     assert result.exit_code == 0
     assert 0 < margins["like"] <= 0.02
+
+
+def test_verification_judges_clauses_and_a_clause_is_a_test_case(run, task_file, library, tmp_path):
+    assert adapt(run, task_file, library, "-o", tmp_path / "a.h5").exit_code == 0
+    kept = run("verify-stability", tmp_path / "a.h5", "--task", task_file)
+    assert kept.exit_code == 0
+    assert "bend" in kept.stdout
+    task_file.write_text(CURVE + BOTTLE)
+    report = tmp_path / "junit.xml"
+    failed = run("verify-stability", tmp_path / "a.h5", "--task", task_file, "--report", f"junit={report}")
+    assert failed.exit_code == 1
+    assert "bottle fails by" in failed.stdout
+    suite = next(iter(JUnitXml.fromfile(str(report))))
+    cases = {case.name.rpartition(": ")[2]: case for case in suite}
+    assert [name for name, case in cases.items() if case.result] == [str(tmp_path / "a.h5"), "bottle"]
+    assert "margin -" in cases["bottle"].result[0].message
+    assert (suite.tests, suite.failures) == (5, 2)
