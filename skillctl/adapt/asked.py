@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from skillctl.adapt.clauses import Demonstrations, Like
-from skillctl.adapt.report import TaskVerdict
+from skillctl.adapt.judge import Judge
+from skillctl.adapt.report import ClauseVerdict, TaskVerdict
 from skillctl.adapt.task_file import Task, read_task
 from skillctl.adapt.verdict import judge_task
+from skillctl.arrays import FloatArray
 from skillctl.demonstrations.options import Reading
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.model.skill import Skill
+from skillctl.model.skill import Skill, contraction_period
+from skillctl.simulation.tally import wilson_interval
 from skillctl.stability.report import Certificate
 from skillctl.store import InputRecord, Lock, input_record
 from skillctl.store.source import open_skill
@@ -63,3 +68,25 @@ class AskedTask:
     def judged(self, skill: Skill, certificate: Certificate) -> TaskVerdict:
         """Return whether a skill does the task."""
         return judge_task(self.task, skill, certificate, shown=self.shown, like=self.like)
+
+    def judged_path(self, skill: Skill, states: FloatArray, step: float) -> TaskVerdict:
+        """Return whether one motion that was measured does the task, whatever is proved of the skill.
+
+        Clauses about demonstrations are left out: those are about motions from other starts.
+
+        Args:
+            skill: What moved.
+            states: Shape (T, d).
+            step: Time between two states, [s].
+        """
+        task = self.task.model_copy(update={"demonstrations": ()})
+        judge = Judge.of(task, skill, states[:1], like=self.like)
+        steps, periods = np.array([[step]]), np.array([contraction_period(skill)])
+        margins = judge.margins(states[None, None], steps, periods)
+        start = tuple(states[0].tolist())
+        verdicts = tuple(
+            ClauseVerdict(name, clause.unit, float(margins[name][0, 0]), start, proved=False, bound=None)
+            for name, clause in task.clauses.items()
+        )
+        held = int(all(each.holds for each in verdicts))
+        return TaskVerdict(verdicts, 1, held, wilson_interval(held, 1))

@@ -9,7 +9,7 @@ from itertools import combinations, product
 import numpy as np
 
 from skillctl.adapt.blends import Blend, Blends
-from skillctl.adapt.judge import AMPLE, ARRIVED, RESOLVED, Judge, follow, padded
+from skillctl.adapt.judge import ARRIVED, RESOLVED, Judge, follow, padded
 from skillctl.adapt.task_file import Task
 from skillctl.arrays import FloatArray
 from skillctl.compose.combine import combine
@@ -24,6 +24,7 @@ STARTS = 16  # that every candidate is judged from
 GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
 FINER = (1 / 12, 1 / 24, 1 / 48)  # weights that are moved from one part to another, round by round
 FACTORS = (0.5, 2.0)  # of a component, that are tried one at a time
+ENOUGH = 0.5  # a score from which on no factors are tried: half of what is ample
 PAYS = 0.05  # a score that is better by less is not worth more parts, or a factor per component
 SLOWER = 2.5  # a merger is followed for this many times the time of the slowest single skill
 RESOLUTION = 150  # steps of a merger, at least, in the time of the slowest single skill
@@ -352,7 +353,7 @@ class _Trial:
             if near:
                 found += self._merged(blends, [blends.plain(w) for w in near], best.gate, slowest)
         best = max(found, key=_score)
-        if best.score < AMPLE:
+        if best.score < ENOUGH:
             k = len(blends.owners)
             used = np.flatnonzero(best.weights[blends.owners])
             scaled = [

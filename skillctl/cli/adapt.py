@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Example:
   skillctl adapt --print-task demonstration.csv > task.toml
-  skillctl adapt task.toml bottom-left bottom-right top-centre --name top-left
-  skillctl adapt task.toml --from-store -o fitted.h5 --explain --plot fitted.png
+  skillctl adapt task.toml bottom-left top-centre --name left
+  skillctl adapt task.toml --from-store -o t.h5 --explain --plot t.png
 
 Exit codes: 0 every clause of the task holds; 1 one fails: it is named with its margin, and nothing is written
 without --anyway; 6 there is no candidate, or no proof."""

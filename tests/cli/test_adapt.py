@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 
 import pytest
@@ -65,7 +66,7 @@ def test_a_task_is_done_proved_written_and_up_to_date(run, task_file, library, t
     assert clauses["bend"]["bound"] is None  # measured only
     artifact = read_skill(tmp_path / "a.h5")
     assert artifact.operation.command == "adapt"
-    assert "[[via]]" in artifact.operation.results["task"]
+    assert "[[via]]" in tuple(artifact.operation.results["task"])
     assert {parent.name for parent in artifact.provenance.parents} <= {"curve", "hook"}
     assert artifact.skill.attractors.tolist() == [[0.0, 0.0]]
     task_file.write_text(f"# A remark changes nothing.\n{CURVE}")
@@ -192,3 +193,23 @@ def test_verification_judges_clauses_and_a_clause_is_a_test_case(run, task_file,
     assert [name for name, case in cases.items() if case.result] == [str(tmp_path / "a.h5"), "bottle"]
     assert "margin -" in cases["bottle"].result[0].message
     assert (suite.tests, suite.failures) == (5, 2)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pybullet") is None, reason="PyBullet is not installed")
+def test_a_simulated_motion_is_judged_by_the_clauses(run, library, tmp_path):
+    text = (
+        "[target]\nposition = [0.6, 0.1, 0.5]\n[start]\npoints = [[0.4, 0.0, 0.5]]\n"
+        '[[via]]\nname = "above"\npoint = [0.5, 0.05, HEIGHT]\nwithin = 0.02\n'
+    )
+    task = tmp_path / "t.toml"
+    arguments = ("simulate", "reach", "--store", library, "--demo", "0", "--task", task, "--json")
+    reports = {}
+    for height in ("0.58", "0.50"):  # the demonstrations bend up by 8 cm
+        task.write_text(text.replace("HEIGHT", height))
+        result = run(*arguments)
+        reports[height] = (result.exit_code, json.loads(result.stdout))
+    (kept, above), (failed, below) = reports.values()
+    assert (kept, above["success"], failed, below["success"]) == (0, True, 1, False)
+    margins = {clause["clause"]: clause["margin"] for clause in below["task"]["clauses"]}
+    assert -0.08 < margins["above"] < -0.04
+    assert margins["target"] > 0
