@@ -116,7 +116,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         *words.held_out(HeldOut.recorded(results), unit),
         *words.warnings(results.get("warnings", ())),
     )
-    found: list[render.Block] = [render.Facts(facts)]
+    found: list[render.Block] = [render.Facts(facts), *words.recorded_clauses(results)]
     if report.at is not None:
         found.append(_place(report.at, unit))
     leaves = {

@@ -133,6 +133,18 @@ def clauses(verdict: TaskVerdict, skill: str) -> Table:
     return table(verdict.clauses, columns)
 
 
+def recorded_clauses(results: Mapping[str, Any]) -> list[Table]:
+    """Return a table of the clauses of the task that a skill was adapted to, if it was."""
+    keys = ("clauses", "margins", "bounds", "units")
+    columns = {
+        "clause of its task": lambda row: row[0],
+        "margin": lambda row: margin(row[1], row[3]),
+        "proved": lambda row: proved_margin(row[2], row[3]),
+    }
+    rows = list(zip(*(results.get(key, ()) for key in keys), strict=True))
+    return [table(rows, columns)] if rows else []
+
+
 def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
     """Return the errors on demonstrations left out, as facts; none if they were not asked for."""
     if errors is None:

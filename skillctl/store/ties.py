@@ -45,10 +45,15 @@ class CombineResults(_Results):
 
 
 class AdaptResults(_Results):
-    """What the search chose, and how much faster than its parts it is."""
+    """What the search chose, how much faster than its parts it is, and the task with its margins."""
 
     choice: str
     speed: Positive
+    task: tuple[str, ...]
+    clauses: tuple[str, ...]
+    units: tuple[str, ...]
+    margins: tuple[float, ...]
+    bounds: tuple[float | None, ...]
 
 
 class HeldOutResults(Strict):

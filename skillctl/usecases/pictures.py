@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from skillctl.adapt.picture import task_picture
-from skillctl.errors import StoreError
+from skillctl.adapt.task_file import recorded_task
+from skillctl.errors import StoreError, UsageError
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.plotting.fit import draw_fit
@@ -145,6 +146,8 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
     figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
     if len(skill.leaves) == 1 and portrait.demonstrations:
         figures.append(("What it learned", _fit_figure(name, artifact, ())))
+    if artifact.operation.command == "adapt":
+        figures += [("The task", figure) for figure in _task_figures(artifact)]
     figures.append(("What is proved", draw_proofs([(portrait, bounds_of(certificate))])))
     return [Picture(title, encode(figure, "svg")) for title, figure in figures]
 
@@ -175,6 +178,15 @@ def bounds_of(certificate: Certificate) -> Bounds:
 
 def _write(path: Path, figure: Drawing) -> None:
     write_file(path, encode(figure, require_picture(path)))
+
+
+def _task_figures(artifact: Artifact) -> list[Drawing]:
+    """Return the figure of the task that a skill was adapted to; none of one that cannot be drawn."""
+    lines = cast("Sequence[str]", artifact.operation.results["task"])
+    try:
+        return [draw_task(task_picture(recorded_task(lines), artifact.skill))]
+    except (ValueError, UsageError):  # it is what a file says: anything
+        return []
 
 
 def _portrait(name: str, artifact: Artifact) -> Portrait:

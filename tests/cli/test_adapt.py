@@ -81,6 +81,17 @@ def test_the_same_task_gives_the_same_bytes(run, task_file, library, tmp_path):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
+def test_an_adapted_skill_shows_its_task(run, task_file, library, tmp_path):
+    adapt(run, task_file, library, "-o", tmp_path / "a.h5")
+    shown = run("inspect", tmp_path / "a.h5", "--html", tmp_path / "a.html")
+    assert shown.exit_code == 0
+    page = (tmp_path / "a.html").read_text()
+    for words in (shown.stdout, page):
+        assert "clause of its task" in words
+        assert "limits.period" in words
+    assert "The task" in page
+
+
 def test_an_impossible_task_is_refused_by_the_name_of_its_clause(run, task_file, library, tmp_path):
     task_file.write_text(CURVE + BOTTLE)
     result = adapt(run, task_file, library, "-o", tmp_path / "a.h5", "--plot", tmp_path / "a.svg")
