@@ -15,7 +15,7 @@ from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import report_errors, strays
+from skillctl.evaluate.errors import strays
 from skillctl.model.coordinates.chain import IDENTITY
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
@@ -36,6 +36,7 @@ from skillctl.usecases.make import (
     child_artifact,
     make,
     parents_of,
+    reports_on,
     require_stable,
     write_child,
 )
@@ -208,7 +209,7 @@ def _fitted(
         used = [sources[index] for index in fitted.used]
         artifact = child_artifact(fitted.skill, used, done, _carried_reports(fitted, together), inputs)
         if fitted.choice == "per component":  # the leaves move differently than before
-            artifact = replace(artifact, reports=_new_reports(artifact))
+            artifact = replace(artifact, reports=reports_on(artifact))
         report = TaskReport(
             fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
         )
@@ -315,17 +316,6 @@ def _carried_reports(fitted: FittedMerger, together: Together) -> list[Demonstra
         for report in sorted(together.reports, key=lambda report: report.leaf)
         if report.leaf in kept
     ]
-
-
-def _new_reports(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
-    """Return reports on how the leaves of an artifact repeat their demonstrations now."""
-    pairs = zip(artifact.skill.leaves, artifact.demonstrations, strict=True)
-    return tuple(
-        report
-        for number, (leaf, motions) in enumerate(pairs)
-        if motions is not None
-        for report in report_errors(leaf, motions, number)
-    )
 
 
 def _results(fitted: FittedMerger, together: Together, faults: Sequence[Fault]) -> dict[str, Any]:
