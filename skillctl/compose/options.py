@@ -48,7 +48,7 @@ class MergeOptions:
     Attributes:
         part_weights: Influence of each part; None: equal.
         gate: How the parts act together: the name of one of ``skillctl.model.gates.MERGE_GATES``.
-        speed: Factor on the velocity.
+        speed: Factor on the velocities of the parts; None: as fast as the parts were demonstrated.
         target: Where all end, in the unit of the skill; None: at the weighted mean of their targets.
         parameters: Of the gate, by their names, as in ``{"sharpness": 4.0}``; the others have their defaults.
     """
@@ -64,7 +64,12 @@ class MergeOptions:
     parameters: Mapping[str, float] = field(
         default_factory=dict, metadata={Option: Option(named=GATE_PARAMETERS, group=MOTION)}
     )
-    speed: float = option(1.0, metavar="F", group=MOTION, help="Factor on the velocity.")
+    speed: float | None = option(
+        metavar="F",
+        group=MOTION,
+        help="Factor on the velocities of the skills. Default: one with which motions take as long as those "
+        "that were demonstrated.",
+    )
     target: tuple[float, ...] | None = _target()
 
     def merge(self, parts: Sequence[Skill], lyapunov: FloatArray) -> MergedSkill:
@@ -75,7 +80,7 @@ class MergeOptions:
             parts,
             part_weights=self.part_weights,
             gate=self.gate,
-            speed=self.speed,
+            speed=1.0 if self.speed is None else self.speed,
             target=self.target,
             lyapunov=lyapunov,
             parameters=self.parameters,
