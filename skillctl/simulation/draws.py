@@ -11,6 +11,7 @@ from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.skill import Skill
+from skillctl.simulation.clutter import bottles
 from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
@@ -18,8 +19,14 @@ CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's end
 START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if that is less
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
-Stream: TypeAlias = Literal["cup", "start", "body", "seed"]
-STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed")  # append only: the index seeds a stream
+Stream: TypeAlias = Literal["cup", "start", "body", "seed", "bottles"]
+STREAMS: tuple[Stream, ...] = (
+    "cup",
+    "start",
+    "body",
+    "seed",
+    "bottles",
+)  # append only: the index seeds a stream
 
 
 def chosen(
@@ -123,8 +130,11 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
         "episodes": 1,
         "sampling": Sampling(),
     }
-    if scenario.cup is not None:
-        changes["cup"] = _cup(scenario.cup, sampling, generators["cup"], generators["body"])
+    if scenario.cup is not None and scenario.scene is not None:
+        cup = changes["cup"] = _cup(scenario.cup, sampling, generators["cup"], generators["body"])
+        if sampling.bottles is not None:
+            beside = bottles(sampling.bottles, cup, scenario.scene, generators["bottles"])
+            changes["obstacles"] = (*scenario.obstacles, *beside)
     box = (sampling.start_x_range, sampling.start_y_range, sampling.start_z_range)
     if sampling.start_scatter is not None:
         changes["start"] = _near(starts, sampling.start_scatter, generators["start"])

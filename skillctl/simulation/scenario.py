@@ -128,7 +128,11 @@ class BoxObstacle(Part):
 
 
 class CylinderObstacle(Part):
-    """An upright cylinder; see ``BoxObstacle``."""
+    """An upright cylinder; see ``BoxObstacle``.
+
+    Attributes:
+        mass: [kg], of one that stands loose, as a bottle does. None: it does not move.
+    """
 
     kind: Literal["cylinder"] = "cylinder"
     name: str = "cylinder"
@@ -136,6 +140,7 @@ class CylinderObstacle(Part):
     yaw: Number = 0.0
     radius: Positive
     height: Positive
+    mass: Positive | None = None
 
 
 class MeshObstacle(Part):
@@ -252,6 +257,7 @@ class Sampling(Part):
         start_scatter: Instead of these: standard deviation, [m], of a normal distribution around the start
             of one of the skill's demonstrations, which is drawn, too.
         mass_range, friction_range, radius_range: Ranges of the cup's properties.
+        bottles: Number of bottles that stand beside the cup, on its board (see ``clutter``).
     """
 
     cup_x_range: Range | None = None
@@ -264,6 +270,7 @@ class Sampling(Part):
     mass_range: PositiveRange | None = None
     friction_range: PositiveRange | None = None
     radius_range: PositiveRange | None = None
+    bottles: Count | None = None
 
     @model_validator(mode="after")
     def _starts_are_whole(self) -> Sampling:
