@@ -128,6 +128,15 @@ def read_numbers(text: str) -> tuple[float, ...]:
     return _listed(text, float, "numbers separated by commas, as in 0.4,0,0.5")
 
 
+def read_ratio(text: str) -> float:
+    """Read ``0.01`` or ``1/60``, or raise ValueError."""
+    above, _, below = text.partition("/")
+    try:
+        return float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError):
+        raise ValueError(f"{text!r} is not a number, as in 0.01 or 1/60.") from None
+
+
 def read_point(text: str) -> tuple[float, ...]:
     """Read coordinates in metres or radians, or raise ValueError; no arm reaches ``630,0,760``."""
     point = read_numbers(text)

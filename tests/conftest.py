@@ -128,6 +128,59 @@ def make_skill() -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
+def make_pose_skill(make_skill: Callable[..., Any], make_shears: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a maker of random skills of poses: position and orientation as two skills side by side.
+
+    P of the position can be given; that of the orientation is the identity.
+    """
+    import numpy as np
+
+    from skillctl.model.coordinates.chain import Chain, OnPosition
+    from skillctl.model.mixture import GaussianMixture
+    from skillctl.model.pose import Pose
+    from skillctl.model.seds import SedsSkill
+
+    def together(one: Any, other: Any) -> Any:
+        """Return block-diagonal matrices (K, 6, 6)."""
+        stacked = np.zeros((len(one), 6, 6))
+        stacked[:, :3, :3], stacked[:, 3:, 3:] = one, other
+        return stacked
+
+    def make(
+        rng: Any,
+        *,
+        target: Any = (0.4, -0.1, 0.3, 0.0, 2.0, -1.0),
+        length: float = 0.2,
+        lyapunov: Any = None,
+        bent: bool = False,
+        **options: Any,
+    ) -> Any:
+        goal = np.asarray(target)
+        position = make_skill(rng, dimension=3, attractor=goal[:3], lyapunov=lyapunov, **options)
+        turning = make_skill(rng, dimension=3, spread=0.03, **options)
+        density = GaussianMixture(
+            position.density.priors,
+            np.hstack([position.density.means, turning.density.means]),
+            together(position.density.covariances, turning.density.covariances),
+        )
+        return SedsSkill(
+            priors=position.priors,
+            means=np.hstack([position.means, turning.means]),
+            covariances=together(position.covariances, turning.covariances),
+            system_matrices=together(position.system_matrices, turning.system_matrices),
+            residual_covariances=together(position.residual_covariances, turning.residual_covariances),
+            attractor=goal,
+            lyapunov=together(position.lyapunov[None], np.eye(3)[None])[0],
+            density=density,
+            space=Pose(length=length),
+            speed=position.speed,
+            coordinates=Chain((OnPosition(make_shears(rng, 3, scale=0.3)),)) if bent else Chain(),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
 def make_shears() -> Callable[..., Any]:
     """Return a maker of random shears around a target, with bumps of some share of their range."""
     import numpy as np

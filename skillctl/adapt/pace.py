@@ -68,13 +68,16 @@ def paced(
 
 def _ratio(skill: MergedSkill, shown: Sequence[DemonstrationSet], weights: FloatArray) -> float:
     """Return how many times as long as demonstrated motions take: medians over each set, averaged."""
-    goal, longest = skill.attractor, max(motion.duration for motions in shown for motion in motions)
+    size, longest = skill.space.positions, max(motion.duration for motions in shown for motion in motions)
+    goal = skill.attractor[:size]
     taken, wanted = [], []
     for motions in shown:
-        paths = paths_to(motions, goal)
-        found = motions_from(skill, paths, longest)
+        states = paths_to(motions, skill.attractor)
+        found = motions_from(skill, states, longest)
+        paths = [path[:, :size] for path in states]
         nears = [NEAR * float(np.linalg.norm(path - goal, axis=1).max()) for path in paths]
-        own = [time_to_near(*found.trajectory(i), goal, near) for i, near in enumerate(nears)]
+        moved = [found.trajectory(i) for i in range(len(paths))]
+        own = [time_to_near(t, x[:, :size], goal, near) for (t, x), near in zip(moved, nears, strict=True)]
         asked = [
             time_to_near(motion.times - motion.times[0], path, goal, near)
             for motion, path, near in zip(motions, paths, nears, strict=True)
@@ -103,8 +106,8 @@ def time_to_near(times: FloatArray, path: FloatArray, goal: FloatArray, near: fl
 
 
 def paths_to(motions: DemonstrationSet, goal: FloatArray) -> list[FloatArray]:
-    """Return the positions (n, d) of each demonstration, moved so that it ends at the goal (d,)."""
-    return [motion.positions - motion.positions[-1] + goal for motion in motions]
+    """Return the states (n, d) of each demonstration, moved so that it ends at the goal (d,)."""
+    return [motions.space.carried(motion.positions, motion.positions[-1], goal) for motion in motions]
 
 
 def motions_from(skill: Skill, paths: Sequence[FloatArray], longest: float) -> Rollouts:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import common_lyapunov_of, conflicting_parts
+from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.errors import FitError
 from skillctl.evaluate.errors import mean_dtw, report_errors
 from skillctl.learning.fit import fit, learned_distance
@@ -20,7 +21,7 @@ from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import at_least
 from skillctl.store import DemonstrationReport
-from skillctl.store.source import Source, carried_reports
+from skillctl.store.source import Source, carried_demonstrations, carried_reports
 from skillctl.store.ties import LyapunovOrigin
 
 Build: TypeAlias = Callable[[Sequence[Skill], FloatArray], Skill]
@@ -79,6 +80,20 @@ class Together:
         return results
 
 
+def prepared(sources: Sequence[Source], options: MergeOptions | CombineOptions) -> list[Source]:
+    """Return the sources with skills and demonstrations as they have to be before one P is looked for."""
+    skills = options.prepared([source.skill for source in sources])
+    return [
+        source if skill is source.skill else _changed(source, skill, turn=options.turn)
+        for source, skill in zip(sources, skills, strict=True)
+    ]
+
+
+def _changed(source: Source, skill: Skill, *, turn: bool) -> Source:
+    taught = carried_demonstrations([source], skill.leaves, turn=turn)
+    return replace(source, artifact=replace(source.artifact, skill=skill, demonstrations=taught))
+
+
 def prove_together(
     sources: Sequence[Source],
     build: Build,
@@ -93,7 +108,7 @@ def prove_together(
     it finds no P, or one that proves hardly any decay, the parts are learned again under a common one.
 
     Args:
-        sources: The parts.
+        sources: The parts, as ``prepared`` returns them.
         build: Makes the skill to be proved, from parts and P.
         speed: Factor by which ``build`` multiplies the velocity of the parts.
         refit: Whether parts may be learned again.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +17,14 @@ SHOWN_FAILURES, SHOWN_NUMBERS = 5, 8
 OF_STATES = ("final_error", "tracking_rmse")  # figures in the unit of the skill
 MEDIANS = {  # figure → heading, unit
     "final_error": ("final error", "m"),
+    "final_turn": ("final angle", "°"),
     "time_to_target": ("time to target", "s"),
     "tracking_rmse": ("tracking error", "m"),
     "plan_deviation": ("off the ideal path", "m"),
     "path_ratio": ("path length / ideal", ""),
     "clearance": ("clearance", "m"),
     "joint_margin": ("joint margin", "rad"),
+    "manipulability": ("manipulability", ""),
     "velocity_ratio": ("joint speed / limit", ""),
     "torque_ratio": ("joint torque / limit", ""),
     "cup_moved": ("cup moved before the grasp", "m"),
@@ -78,13 +81,19 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
         parts = [(part.name, str(part.episodes), str(part.successes)) for part in report.parts]
         found.append(render.Table(("part that acted", "episodes", "successes"), tuple(parts)))
     medians = [
-        (heading, words.length(value, unit) if unit == "m" else words.number(value, unit))
+        (heading, _figure(value, unit))
         for name, (heading, hand_unit) in MEDIANS.items()
         for unit in [report.unit if name in OF_STATES else hand_unit]
         if (value := report.medians[name]) == value  # NaN: no episode has it
     ]
     found.append(render.Table(("figure", "median"), tuple(medians)))
     return found
+
+
+def _figure(value: float, unit: str) -> str:
+    if unit == "°":
+        return f"{math.degrees(value):.2f}°"
+    return words.length(value, unit) if unit == "m" else words.number(value, unit)
 
 
 def _hands(report: SimulateManyReport) -> str | None:

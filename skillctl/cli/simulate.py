@@ -216,13 +216,14 @@ def blocks(report: SimulateReport) -> list[render.Block]:
         ("outcome", outcome),
         *words.arm(report.arm, report.hand if report.unit == "m" else None, report.tip, report.held),
         *([("placed", placed)] if report.unit == "m" else []),
-        ("target", words.point(report.target, report.unit)),
-        ("final error", _length(figures.final_error, report.unit)),
+        ("target", words.point((*report.target, *(report.target_turn or ())), report.unit)),
+        ("final error", _final(report)),
         ("time to target", words.number(figures.time_to_target, "s")),
         ("tracking", _tracking(report)),
         ("off the ideal path", f"{words.length(figures.plan_deviation, 'm')} at most"),
         ("path length", f"{figures.path_ratio:.3f} of the ideal"),
         ("joint margin", f"{words.number(figures.joint_margin, 'rad')} to the nearest limit"),
+        ("manipulability", f"{words.number(figures.manipulability)} at least"),
         ("joint speed", f"{figures.velocity_ratio:.0%} of the limit at most"),
         ("joint torque", f"{figures.torque_ratio:.0%} of the limit at most"),
         ("inverse kinematics", _kinematics(report)),
@@ -239,6 +240,13 @@ def _length(value: float, unit: str) -> str:
     if unit != "rad" or not math.isfinite(value):
         return words.length(value, unit)
     return f"{words.number(value, 'rad')} ({math.degrees(value):.3g}°)"
+
+
+def _final(report: SimulateReport) -> str:
+    """Return how far the hand or the joints were from their target, and how far the hand was turned."""
+    turn = report.metrics.final_turn
+    angle = f", {math.degrees(turn):.2f}°" if math.isfinite(turn) else ""
+    return _length(report.metrics.final_error, report.unit) + angle
 
 
 def _tracking(report: SimulateReport) -> str:

@@ -171,7 +171,7 @@ def _range(low: float, high: float) -> str:
 
 
 def _rows(verdict: SkillVerdict) -> list[list[str]]:
-    """Return the row of a skill, and one of each of its parts if it has several."""
+    """Return the row of a skill, one of each of its parts if it has several, and those of their blocks."""
     certificate = verdict.certificate
     if certificate is None:
         return [[verdict.skill, "unreadable", *["–"] * 7]]
@@ -179,11 +179,14 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
     figures = words.rate_and_period(certificate.rate, certificate.period)
     said = certificate.verdict, verdict.outcome, certificate.scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
-    if len(counts) > 1:
-        for part, count in zip(certificate.parts, counts, strict=True):
+    for part, count in zip(certificate.parts, counts, strict=True):
+        if len(counts) > 1:
             proved = "stable" if part.proved else "not proved"
             figures = words.rate_and_period(part.rate, part.period)
             rows.append([f"  part {part.part}", proved, "", "", *figures, str(count), ""])
+        for block in part.blocks:
+            figures = words.rate_and_period(block.rate, block.period)
+            rows.append([f"  {'  ' * (len(counts) > 1)}{block.name}", "", "", "", *figures, "", ""])
     return rows
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import with_lyapunov
-from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
+from skillctl.compose.parts import in_one_space, normalised, on_one_attractor, require_compatible
 from skillctl.errors import UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.gates import combine_gate
@@ -25,6 +25,7 @@ def combine(
     gate: str = "latched",
     align: bool = False,
     target: npt.ArrayLike | None = None,
+    turn: bool = False,
     disturbance_distance: float | None = None,
     lyapunov: FloatArray | None = None,
 ) -> CombinedSkill:
@@ -38,8 +39,10 @@ def combine(
         part_priors: βᵢ > 0 up to a common factor, one per given part; equal by default.
         gate: ``latched``: chosen at the start and after a disturbance. ``instantaneous``: at every instant;
             with several attractors nothing global is proved of it.
-        align: Move all parts to one attractor; then the start relative to it decides which part acts.
-        target: That attractor (d,); by default the mean of the parts' attractors, weighted by β.
+        align: Move all parts to one attractor; then the start relative to it decides which part acts. Latched
+            parts that move poses keep their own orientation there, unless the target has one.
+        target: That attractor, as of ``retargeted``; by default the mean of the parts', weighted by β.
+        turn: Whether motions of poses turn with their target.
         disturbance_distance: How far the state has to jump for a new choice, in the unit of the space; by
             default ``DISTURBANCE_SHARE`` of the smallest part's extent.
         lyapunov: Common P (d, d) for all parts, which proves an instantaneous gate with one attractor.
@@ -53,12 +56,14 @@ def combine(
     """
     require_compatible(parts, "combine")
     outer = normalised("part priors", part_priors, len(parts))
-    members, priors = _flattened(parts, outer)
+    members, priors = _flattened(in_one_space(parts), outer)
     combine_gate(gate)
-    if target is not None and not align:
-        raise UsageError("target: the skills keep their own attractors.", hint="Add --align.")
+    for what, given in (("target", target is not None), ("turn", turn)):
+        if given and not align:
+            raise UsageError(f"{what}: the skills keep their own attractors.", hint="Add --align.")
     if align:
-        members = on_one_attractor(members, priors, target)
+        keep = not combine_gate(gate).reselects
+        members = on_one_attractor(members, priors, target, turn=turn, keep=keep)
     if lyapunov is not None:
         members = tuple(with_lyapunov(part, lyapunov) for part in members)
     if disturbance_distance is None:

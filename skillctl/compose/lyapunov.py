@@ -13,6 +13,7 @@ from skillctl.compose.barrier import minimise_largest_eigenvalue
 from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.skill import AnySkill, Skill
+from skillctl.model.space import Space
 
 ROUNDS = 3  # each search starts in the coordinates that the one before found
 
@@ -91,7 +92,24 @@ def common_lyapunov_of(parts: Sequence[Skill], *, period: float = 0.0) -> FloatA
         return first.lyapunov
     acting = [(skill.outer_speed, part) for skill in parts for part in skill.acting_parts]
     matrices = np.concatenate([speed * part.component_matrices for speed, part in acting])
-    return common_lyapunov(matrices, known=[leaf.lyapunov for leaf in leaves], period=period)
+    return _by_blocks(first.space, matrices, [leaf.lyapunov for leaf in leaves], period)
+
+
+def _by_blocks(
+    space: Space, matrices: FloatArray, known: Sequence[FloatArray] = (), period: float = 0.0
+) -> FloatArray | None:
+    """Return ``common_lyapunov``; of poses that of the position, with the identity for the orientation."""
+    if len(space.blocks) == 1:
+        return common_lyapunov(matrices, known=known, period=period)
+    c = space.positions
+    orientation = np.eye(space.dimension - c)
+    if _slowest(orientation, matrices[:, c:, c:], period) <= 0:
+        return None
+    position = common_lyapunov(matrices[:, :c, :c], known=[p[:c, :c] for p in known], period=period)
+    if position is None:
+        return None
+    nothing = np.zeros((c, len(orientation)))
+    return np.block([[position, nothing], [nothing.T, orientation]])
 
 
 def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
@@ -105,7 +123,7 @@ def conflicting_parts(parts: Sequence[Skill]) -> tuple[int, ...]:
     for size in (1, 2, len(parts)):
         for group in combinations(indices, size):
             matrices = np.concatenate([leaf.system_matrices for i in group for leaf in parts[i].leaves])
-            if common_lyapunov(matrices) is None:
+            if _by_blocks(parts[0].space, matrices) is None:
                 return group
     return ()
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.compose.lyapunov import conflicting_parts, with_lyapunov
-from skillctl.compose.parts import normalised, on_one_attractor, require_compatible
+from skillctl.compose.parts import in_one_space, normalised, on_one_attractor, require_compatible
 from skillctl.errors import FitError, UsageError
 from skillctl.model.gates import gate_parameters, merge_gate
 from skillctl.model.merged import MergedSkill
@@ -48,6 +48,7 @@ def merge(
     parameters: Mapping[str, float] | None = None,
     speed: float = 1.0,
     target: npt.ArrayLike | None = None,
+    turn: bool = False,
     lyapunov: FloatArray | None = None,
 ) -> MergedSkill:
     """Return one skill in which all parts act together; every convex mixture of them stays stable.
@@ -62,7 +63,8 @@ def merge(
         gate: ``superposition`` (Eq. 7 and 8), ``density`` (Eq. 8 on densities) or ``experts`` (Eq. 9).
         parameters: Of the gate, by name: γ ≥ 1, the ``sharpness`` of ``experts``; defaults where not given.
         speed: Factor on the velocity.
-        target: Common attractor (d,); by default the weighted mean of the parts' attractors.
+        target: Common attractor, as of ``retargeted``; by default the weighted mean of the parts' attractors.
+        turn: Whether motions of poses turn with their target.
         lyapunov: Common P (d, d) for all parts; may be omitted where they share one already.
 
     Raises:
@@ -72,12 +74,14 @@ def merge(
     References:
         Section 3.1 of the paper; theory page, merge.
     """
-    members = common_members(parts, lyapunov)
+    require_compatible(parts, "merge")
+    members = in_one_space([_mergeable(number, part) for number, part in enumerate(parts, start=1)])
     weights = normalised("part weights", part_weights, len(parts))
     chosen = gate_parameters(merge_gate(gate), parameters or {})
     if not 0 < speed < math.inf:
         raise UsageError(f"speed: must be a positive number, got {speed:g}.")
-    return MergedSkill(on_one_attractor(members, weights, target), weights, gate, speed, chosen)
+    placed = on_one_attractor(members, weights, target, turn=turn)  # what turns has another P
+    return MergedSkill(common_members(placed, lyapunov), weights, gate, speed, chosen)
 
 
 def common_members(parts: Sequence[Skill], lyapunov: FloatArray | None) -> tuple[ActingSkill, ...]:

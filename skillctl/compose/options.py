@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 def _target() -> Any:
     return option(
         read=read_point,
-        metavar="X,Y,Z",
+        metavar="X,Y,Z[,QX,QY,QZ,QW]",
         group=MOTION,
-        help="Where the motion ends, in the unit of the skill.",
+        help="Where the motion ends, in the unit of the skill; for poses as a quaternion, too.",
     )
+
+
+def _turn() -> Any:
+    return option(False, group=MOTION, help="Turn whole motions of poses with their target.")
 
 
 def _gate(default: str, gates: Sequence[Any]) -> Any:
@@ -49,7 +53,9 @@ class MergeOptions:
         part_weights: Influence of each part; None: equal.
         gate: How the parts act together: the name of one of ``skillctl.model.gates.MERGE_GATES``.
         speed: Factor on the velocities of the parts; None: as fast as the parts were demonstrated.
-        target: Where all end, in the unit of the skill; None: at the weighted mean of their targets.
+        target: Where all end, in the unit of the skill; None: at the weighted mean of their targets. Of poses
+            with a quaternion (x, y, z, w) behind the position, or else in the mean orientation.
+        turn: Motions of poses turn with their target.
         parameters: Of the gate, by their names, as in ``{"sharpness": 4.0}``; the others have their defaults.
     """
 
@@ -71,6 +77,13 @@ class MergeOptions:
         "that were demonstrated.",
     )
     target: tuple[float, ...] | None = _target()
+    turn: bool = _turn()
+
+    def prepared(self, parts: Sequence[Skill]) -> tuple[Skill, ...]:
+        """Return the parts as they have to be before one P is looked for."""
+        from skillctl.compose.parts import prepared  # late: it imports NumPy
+
+        return prepared(parts, self.part_weights, self.target, turn=self.turn)
 
     def merge(self, parts: Sequence[Skill], lyapunov: FloatArray) -> MergedSkill:
         """Return the merged skill under a common Lyapunov matrix (d, d)."""
@@ -82,6 +95,7 @@ class MergeOptions:
             gate=self.gate,
             speed=1.0 if self.speed is None else self.speed,
             target=self.target,
+            turn=self.turn,
             lyapunov=lyapunov,
             parameters=self.parameters,
         )
@@ -95,6 +109,7 @@ class MergeOptions:
             **parameters,
             "speed": self.speed,
             "target": self.target,
+            **({"turn": True} if self.turn else {}),  # skills of before have no such entry
         }
 
 
@@ -106,7 +121,8 @@ class CombineOptions:
         part_priors: How readily each part is chosen; None: equally.
         gate: When the acting part is chosen: the name of one of ``skillctl.model.gates.COMBINE_GATES``.
         align: All parts end at one target.
-        target: That target, in the unit of the skill; None: the mean of the parts' targets.
+        target: That target, in the unit of the skill; None: the mean of the parts' targets. As of merging.
+        turn: Motions of poses turn with it.
         disturbance_distance: A jump by more than this selects again; None: from the extent of the skills.
         calibrate: Choose the priors by the parts' embedded demonstrations.
     """
@@ -125,6 +141,7 @@ class CombineOptions:
         help="Move all skills to one target: where the motion starts from it decides which acts.",
     )
     target: tuple[float, ...] | None = _target()
+    turn: bool = _turn()
     disturbance_distance: float | None = option(
         metavar="D",
         group=MOTION,
@@ -137,6 +154,12 @@ class CombineOptions:
         help="Choose the priors so that motions that start where a skill was taught select it.",
     )
 
+    def prepared(self, parts: Sequence[Skill]) -> tuple[Skill, ...]:
+        """Return the parts as they have to be before one P is looked for."""
+        from skillctl.compose.parts import prepared  # late: it imports NumPy
+
+        return prepared(parts, self.part_priors, self.target, turn=self.turn)
+
     def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
         """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""
         from skillctl.compose.combine import combine  # late: it imports NumPy
@@ -147,6 +170,7 @@ class CombineOptions:
             gate=self.gate,
             align=self.align,
             target=self.target,
+            turn=self.turn,
             disturbance_distance=self.disturbance_distance,
             lyapunov=lyapunov,
         )

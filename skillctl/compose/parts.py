@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -10,8 +11,11 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.retarget import retargeted
-from skillctl.model.skill import ActingSkill, Skill
+from skillctl.model.mixture import congruent
+from skillctl.model.pose import Pose
+from skillctl.model.retarget import goal_of, retargeted
+from skillctl.model.seds import SedsSkill
+from skillctl.model.skill import ActingSkill, AnySkill, Skill
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
@@ -27,12 +31,19 @@ def require_compatible(parts: Sequence[Skill], operation: str) -> None:
         )
     first = parts[0]
     for number, part in enumerate(parts[1:], start=2):
+        if part.space.kind != first.space.kind:
+            moves = {"euclidean": "positions", "pose": "poses"}
+            here, there = moves[part.space.kind], moves[first.space.kind]
+            raise UsageError(
+                f"{operation}: skill {number} moves {here}, skill 1 {there}.",
+                hint="Learn the one that moves poses again with --position-only.",
+            )
         if part.dimension != first.dimension:
             raise UsageError(
                 f"{operation}: skill {number} has {part.dimension} dimensions, skill 1 {first.dimension}.",
                 hint="Only motions in the same space can be put together.",
             )
-        for what in ("unit", "frame", "names", "kind"):
+        for what in ("unit", "frame", "names"):
             found, expected = getattr(part.space, what), getattr(first.space, what)
             if found != expected:
                 raise UsageError(
@@ -61,16 +72,82 @@ def normalised(name: str, weights: npt.ArrayLike | None, count: int) -> FloatArr
     return np.asarray(shares / shares.sum())
 
 
+def in_one_space(parts: Sequence[AnySkill]) -> tuple[AnySkill, ...]:
+    """Return the parts with one characteristic length ℓ, of poses: the geometric mean of theirs.
+
+    The motions stay exactly as they are: ℓ is the unit in which a skill counts angles, so that only means and
+    covariances of the last three charted coordinates change.
+    """
+    lengths = [part.space.length for part in parts if isinstance(part.space, Pose)]
+    if len(set(lengths)) < 2:
+        return tuple(parts)
+    length = float(np.exp(np.mean(np.log(lengths))))
+    return tuple(part.with_leaves(lambda leaf: _in_length(leaf, length)) for part in parts)
+
+
+def prepared(
+    parts: Sequence[Skill], weights: npt.ArrayLike | None, target: npt.ArrayLike | None, *, turn: bool
+) -> tuple[Skill, ...]:
+    """Return the parts as they have to be before one P is looked for: in one space, and turned if they turn.
+
+    P is the same wherever a target is, so that parts which do not turn need not be moved.
+
+    Raises:
+        UsageError: A combined skill is to turn.
+    """
+    parts = in_one_space(parts)
+    if not turn:
+        return parts
+    acting = [part for part in parts if isinstance(part, ActingSkill)]
+    if len(acting) < len(parts):
+        raise UsageError("turn: combined skills do not turn here.", hint="Name their parts instead.")
+    return on_one_attractor(acting, normalised("weights", weights, len(parts)), target, turn=True)
+
+
+def _in_length(leaf: SedsSkill, length: float) -> SedsSkill:
+    space = leaf.space
+    if not isinstance(space, Pose) or space.length == length:
+        return leaf
+    scale = np.where(np.arange(space.dimension) < space.positions, 1.0, length / space.length)
+    stretched, anchor = np.diag(scale), leaf.anchor
+    return replace(
+        leaf,
+        space=replace(space, length=length),
+        means=anchor + (leaf.means - anchor) * scale,
+        covariances=congruent(leaf.covariances, stretched),
+        residual_covariances=congruent(leaf.residual_covariances, stretched),
+        system_matrices=leaf.system_matrices * (scale[:, None] / scale),  # one within each block
+        density=leaf.density.mapped(stretched, anchor),
+    )
+
+
 def on_one_attractor(
-    parts: Sequence[ActingSkill], weights: FloatArray, target: npt.ArrayLike | None
+    parts: Sequence[ActingSkill],
+    weights: FloatArray,
+    target: npt.ArrayLike | None,
+    *,
+    turn: bool = False,
+    keep: bool = False,
 ) -> tuple[ActingSkill, ...]:
-    """Return the parts moved to ``target`` (d,), or to the weighted mean of their attractors."""
+    """Return the parts moved to ``target`` (d,), or to the weighted mean of their attractors.
+
+    Args:
+        parts: In one space.
+        weights: Shape (parts,).
+        target: As of ``retargeted``; a target without orientation gets the mean orientation.
+        turn: Whether motions of poses turn with their target.
+        keep: Whether each part keeps its own orientation instead, unless the target has one.
+    """
     attractors = np.stack([part.attractor for part in parts])
-    if target is None:
-        # The mean of equal points may differ from them in its last bit, and would move the parts.
-        together = bool((attractors == attractors[0]).all())
-        target = attractors[0] if together else weights @ attractors
-    return tuple(retargeted(part, target) for part in parts)
+    space = parts[0].space
+    # The mean of equal points may differ from them in its last bit, and would move the parts.
+    together = bool((attractors == attractors[0]).all())
+    goal = attractors[0] if together else space.mean(attractors, weights)
+    if target is not None:
+        goal = goal_of(space, target, goal)
+    if keep and (target is None or np.size(target) == space.positions):
+        goal = goal[: space.positions]
+    return tuple(retargeted(part, goal, turn=turn) for part in parts)
 
 
 def notes_on(parts: Sequence[Skill]) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from skillctl.arrays import FloatArray
 from skillctl.demonstrations.clock import unit_of
 from skillctl.demonstrations.columns import Column
 from skillctl.demonstrations.files import MAX_BYTES, File, damaged
+from skillctl.demonstrations.orientation import HOMOGENEOUS, split_off
 from skillctl.demonstrations.recording import Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.space import AXIS_NAMES
@@ -112,7 +113,7 @@ def _recordings(
 ) -> list[Recording]:
     """Return the demonstrations in an array; the keys are its own and those of its velocities and times."""
     key, path = keys[0], file.path
-    positions = _numbers(arrays, key, path)
+    positions = _flat(_numbers(arrays, key, path), file)
     velocities = _numbers(arrays, keys[1], path) if keys[1] and keys[1] in arrays else None
     if (
         positions.ndim not in (2, 3)
@@ -149,7 +150,13 @@ def _recordings(
                 notes=notes,
             )
         )
-    return _without_clock_and_quaternion(recordings)
+    return _without_clock_and_quaternion(recordings, file)
+
+
+def _flat(values: FloatArray, file: File) -> FloatArray:
+    """Return an array of 4 × 4 matrices as one of rows, if the user says that it holds matrices."""
+    square = file.orientation == "matrix" and values.ndim > 2 and values.shape[-2:] == (4, 4)
+    return values.reshape(*values.shape[:-2], HOMOGENEOUS) if square else values
 
 
 def _clock(arrays: Arrays, shape: tuple[int, ...]) -> str | None:
@@ -185,8 +192,9 @@ def _order(
     def fits(order: tuple[int, ...]) -> bool:
         # One column more than dimensions: the time may stand before them.
         *_, time, dim = (shape[axis] for axis in order)
+        most = HOMOGENEOUS if file.orientation == "matrix" else file.max_dimension
         longest = samples is not None or len(shape) == 2 or time == max(shape)
-        return dim <= file.max_dimension + 1 and longest and samples in (None, (time,))
+        return dim <= most + 1 and longest and samples in (None, (time,))
 
     usual = tuple(range(len(shape)))
     orders = [usual] if fits(usual) else [order for order in permutations(usual) if fits(order)]
@@ -205,23 +213,24 @@ def _order(
     return orders[0], () if orders[0] == usual else note
 
 
-def _without_clock_and_quaternion(recordings: list[Recording]) -> list[Recording]:
+def _without_clock_and_quaternion(recordings: list[Recording], file: File) -> list[Recording]:
     """Return recordings without columns that are no coordinates, by their values, with notes about them.
 
     A first column that rises evenly is the time. Four columns behind three that are unit quaternions are an
-    orientation.
+    orientation, which is read if the user says its convention, as are others.
     """
     values = np.concatenate([recording.positions for recording in recordings])
     clock = recordings[0].times is None and values.shape[1] > 1
     clock = clock and all(is_even(recording.positions[:, 0]) for recording in recordings)
     first, rest = int(clock), values.shape[1] - int(clock)
     quaternion = rest == 7 and bool((np.abs(np.linalg.norm(values[:, -4:], axis=1) - 1) < UNIT).all())
-    if not (clock or quaternion):
-        return recordings
+    aside = quaternion and file.orientation is None
     notes = ["column 0 rises evenly and is read as the time."] * clock
-    notes += [f"columns {first + 3} to {first + 6} are unit quaternions and left aside."] * quaternion
-    kept = slice(first, first + (len(AXIS_NAMES) if quaternion else rest))
-    return [
+    if aside:
+        reads = "" if file.position_only else "; --orientation xyzw or wxyz reads them"
+        notes.append(f"columns {first + 3} to {first + 6} are unit quaternions and left aside{reads}.")
+    kept = slice(first, first + (len(AXIS_NAMES) if aside else rest))
+    plain = [
         replace(
             recording,
             positions=recording.positions[:, kept],
@@ -231,6 +240,7 @@ def _without_clock_and_quaternion(recordings: list[Recording]) -> list[Recording
         )
         for recording in recordings
     ]
+    return [split_off(recording, file.orientation) if file.orientation else recording for recording in plain]
 
 
 def _step(arrays: Arrays, path: Path) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,14 @@ from skillctl.model.space import AXIS_NAMES
 
 KIND = "bag"
 STARTS = {b"#ROSBAG V": "ROS 1", b"\x89MCAP": ".mcap", b"SQLite format 3\0": ".db3"}
-POSITIONS = {  # messages with a header, and where their position is
-    "geometry_msgs/msg/PointStamped": ("point",),
-    "geometry_msgs/msg/PoseStamped": ("pose", "position"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose", "pose", "position"),
-    "geometry_msgs/msg/TransformStamped": ("transform", "translation"),
-    "nav_msgs/msg/Odometry": ("pose", "pose", "position"),
+POSITIONS = {  # messages with a header, and where their position is, and their orientation
+    "geometry_msgs/msg/PointStamped": ("point", ""),
+    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
+    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
 }
+QUATERNION = "xyzw"  # its numbers
 JOINTS = "sensor_msgs/msg/JointState"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 FORMER = {"tf/msg/tfMessage": TRANSFORMS}  # older names of the same messages
@@ -51,9 +53,12 @@ def read(file: File) -> list[Recording]:
     topic = _chosen(file.opened(topics, KIND), file)
     found = file.opened(samples, KIND, topic=topic)
     frames, what = found["frames"], "joints" if found["joints"] else "position"
-    choice = choose(list(file.columns or [what]), {what: tuple(found["names"])}, file, what="vector")
-    positions = found["rows"][:, [index for _, index in choice.places]]
-    there = ~np.isnan(positions).all(axis=1)  # several nodes may publish joints of their own on one topic
+    features = {what: tuple(found["names"])}
+    choice = choose(list(file.columns or [what]), features, file, what="vector")
+    positions, orientation = choice.split(found["rows"], features)
+    there = np.flatnonzero(
+        ~np.isnan(positions).all(axis=1)
+    )  # several nodes may publish joints of their own on one topic
     if len(frames) > 1:
         raise InputDataError(
             f"{path}, topic {printable(topic)}: its positions are in several frames: {listed(frames)}.",
@@ -73,6 +78,7 @@ def read(file: File) -> list[Recording]:
             unit_said=True,
             taken=choice.taken,
             unused=() if file.columns is not None else choice.left,
+            orientation=None if orientation is None else orientation.at(there),
             frame="".join(frames),
             notes=tuple(notes),
         )
@@ -180,11 +186,13 @@ def _values(message: Any, kind: str, frame: str) -> Iterator[tuple[Any, dict[str
         steps = POSITIONS["geometry_msgs/msg/TransformStamped"]
     else:
         messages, steps = [message], POSITIONS[kind]
+    position, orientation = map(attrgetter, steps) if steps[1] else (attrgetter(steps[0]), None)
     for each in messages:
-        point = each
-        for step in steps:
-            point = getattr(point, step)
-        yield each.header, {axis: float(getattr(point, axis)) for axis in AXIS_NAMES}
+        values = {axis: float(getattr(position(each), axis)) for axis in AXIS_NAMES}
+        if orientation is not None:
+            turn = orientation(each)
+            values |= {f"q{axis}": float(getattr(turn, axis)) for axis in QUATERNION}
+        yield each.header, values
 
 
 class _Bag:

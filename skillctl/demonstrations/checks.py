@@ -9,13 +9,20 @@ import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
 from skillctl.demonstrations.faults import Fault
-from skillctl.demonstrations.judgement import Track, judge_recording
+from skillctl.demonstrations.judgement import Track, judge_recording, judge_turning
+from skillctl.demonstrations.orientation import (
+    is_still,
+    quaternions_of,
+    require_half_turn,
+    vectors_to_end,
+)
 from skillctl.demonstrations.recording import GAPS, Recording, uniform_times
 from skillctl.demonstrations.sets import judge_together
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError
 from skillctl.geometry import segment_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.pose import Pose
 
 LARGEST = 1e9  # larger positions are refused, in any unit; sums of squares then cannot overflow
 GAP = 3.0  # a step this many times longer than the median is a gap
@@ -39,6 +46,8 @@ class Findings:
         estimated_step: Sampling period if it is estimated from the velocities, else 0, [s].
         track: The recording as it was judged.
         faults: Of this recording by itself.
+        quaternions: Its orientations x, y, z, w, (T, 4); None if it has none.
+        notes: On its orientations.
     """
 
     label: str
@@ -49,7 +58,9 @@ class Findings:
     duration: float
     estimated_step: float
     track: Track
-    faults: tuple[Fault, ...]
+    faults: tuple[Fault, ...] = ()
+    quaternions: FloatArray | None = None
+    notes: tuple[str, ...] = ()
 
 
 @np.errstate(all="ignore")  # overflow gives values that are not finite, which Demonstration refuses
@@ -63,14 +74,16 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
 
     Raises:
         InputDataError: Values are not finite, time stamps repeat or go back, there are no times, only
-            one point, or no motion. The message gives file and place.
+            one point, or no motion; an orientation is none, or lies half a turn or more from the last one.
+            The message gives file and place.
     """
     _require_finite(recording)
     stamps, estimated = _stamps(recording, dt)
     rows = _fresh_rows(recording, stamps)
     times, positions = stamps[rows], recording.positions[rows]
     _require_increasing(recording, times, rows)
-    if len(rows) < 2 or (positions == positions[0]).all():
+    still = (positions == positions[0]).all() and recording.orientation is None
+    if len(rows) < 2 or still:
         raise InputDataError(
             f"{recording.label}: {'one point only' if len(rows) < 2 else 'all points are equal'}; "
             "there is no motion to learn.",
@@ -80,19 +93,33 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
     times, positions = times - times[0], positions * scale / per_unit
     whole = Track(recording.source, unit, recording.where, rows, times, positions)
     track, faults = judge_recording(whole)
-    if recording.velocities is None:
-        demonstration = Demonstration.from_positions(track.times, track.positions, recording.source)
-    else:
-        velocities = recording.velocities[track.samples] * scale / per_unit
-        demonstration = Demonstration(track.times, track.positions, velocities, recording.source)
     findings = _findings(recording, whole, estimated)
+    if recording.orientation is not None:
+        quaternions, notes = quaternions_of(recording, track.samples)
+        wild, turned = judge_turning(track, quaternions)
+        track, quaternions, faults = track.without(wild), quaternions[~wild], [*faults, *turned]
+        require_half_turn(quaternions, recording.label, track.place)
+        findings = replace(findings, quaternions=quaternions, notes=notes)
+    demonstration = _demonstration(recording, track, findings.quaternions)
+    if recording.velocities is not None:
+        velocities = np.array(demonstration.velocities)
+        velocities[:, : positions.shape[1]] = recording.velocities[track.samples] * scale / per_unit
+        demonstration = replace(demonstration, velocities=velocities)
     return demonstration, replace(findings, track=track, faults=tuple(faults))
+
+
+def _demonstration(recording: Recording, track: Track, quaternions: FloatArray | None) -> Demonstration:
+    if quaternions is None:
+        return Demonstration.from_positions(track.times, track.positions, recording.source)
+    states = np.hstack([track.positions, vectors_to_end(quaternions)])
+    return Demonstration.from_positions(track.times, states, recording.source, Pose())
 
 
 def judge(findings: Sequence[Findings]) -> list[Fault]:
     """Return the faults of recordings, each by itself and beside the others; ``demo`` counts them from 0."""
     own = [replace(fault, demo=demo) for demo, found in enumerate(findings) for fault in found.faults]
-    return own + judge_together([found.track for found in findings])
+    turns = [found.quaternions for found in findings if found.quaternions is not None]
+    return own + judge_together([found.track for found in findings], turns)
 
 
 def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) -> list[str]:
@@ -123,6 +150,10 @@ def set_notes(demonstrations: DemonstrationSet, findings: Sequence[Findings]) ->
             f"{longest.label} lasts {longest.duration:.4g} s; if its times are not seconds, say so in the "
             "header: t_ms."
         )
+    notes += [note for found in findings for note in found.notes]
+    turns = [found.quaternions for found in findings if found.quaternions is not None]
+    if turns and is_still(turns):
+        notes.append("the orientation does not change; the skill keeps it.")
     return notes + _shape_notes(demonstrations)
 
 
@@ -189,6 +220,8 @@ def _fresh_rows(recording: Recording, stamps: FloatArray) -> IntArray:
     Recorders sometimes write a row twice. A repeated stamp with another position is an error instead.
     """
     changed = (np.diff(stamps) != 0) | (np.diff(recording.positions, axis=0) != 0).any(axis=1)
+    if recording.orientation is not None:
+        changed |= (np.diff(recording.orientation.numbers, axis=0) != 0).any(axis=1)
     return np.flatnonzero(np.concatenate([[True], changed]))
 
 
@@ -221,5 +254,4 @@ def _findings(recording: Recording, track: Track, estimated: float) -> Findings:
         duration=float(track.times[-1]),
         estimated_step=estimated,
         track=track,
-        faults=(),
     )

@@ -87,6 +87,7 @@ ROLES = (  # the first that fits
 OTHER = Role("", has_axes=True)
 AXIS_IN_WORD = re.compile("(?:t|p|pos|position|trans|translation|loc)([xyz])|([xyz])pos(?:ition)?")
 POSES = {"pose", "tcp"}  # numbered columns: a position, and an orientation behind it
+MATRIX = (16, (12, 13, 14))  # numbered columns of a 4 × 4 matrix, column by column, and those of its position
 PLACES = {*POSES, "pos", "position", "xyz", "translation", "eef", "ee"}  # three numbered columns: a position
 
 
@@ -148,7 +149,8 @@ def positions(columns: Sequence[Column]) -> dict[str, tuple[int, ...]]:
     """Return the columns x, y (and z) of each thing that moves, by its name; the name of plain x, y is empty.
 
     ``HandRight_X``, ``HandRight.x`` or ``HandRightX`` is a column of HandRight if there is such a column for
-    y, too. Of the numbered columns of a pose, ``tcp_pose_0`` …, the first three are the position.
+    y, too. Of the numbered columns of a pose, ``tcp_pose_0`` …, the first three are the position; of those of
+    a transform, ``O_T_EE[0]`` …, which libfranka writes column by column, the last but one.
     """
     found: dict[str, dict[str, int]] = {}
     for index, column in enumerate(columns):
@@ -168,8 +170,15 @@ def _numbered(columns: Sequence[Column]) -> Iterator[tuple[str, tuple[int, ...]]
         if column.words[-1:] and column.words[-1].isdigit() and (column.role.has_axes):
             families.setdefault(column.words[:-1], []).append(index)
     for words, family in families.items():
+        if len(family) == MATRIX[0] and "t" in words:
+            yield _stem(columns[family[0]]), tuple(family[i] for i in MATRIX[1])
         if (len(family) in (6, 7) and POSES & set(words)) or (len(family) == 3 and PLACES & set(words)):
-            yield columns[family[0]].stem.rstrip("0123456789[]()" + SEPARATORS), tuple(family[:3])
+            yield _stem(columns[family[0]]), tuple(family[:3])
+
+
+def _stem(column: Column) -> str:
+    """Return the name of a numbered column without its number."""
+    return column.stem.rstrip("0123456789[]()" + SEPARATORS)
 
 
 def chosen(wanted: Sequence[str], columns: Sequence[Column], path: Path) -> tuple[int, ...]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from skillctl.demonstrations import matlab
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.matlab import matrix
-from skillctl.demonstrations.recording import Recording
+from skillctl.demonstrations.recording import Orientation, Recording
 from skillctl.errors import InputDataError
 
 NAME = "data_ee_pose"
-ROWS = 8  # x, y, z [m], the quaternion, and the time [s]
+ROWS = 8  # x, y, z [m], the quaternion x, y, z, w, and the time [s]
 
 
 def recognises(file: File) -> bool:
@@ -18,13 +18,14 @@ def recognises(file: File) -> bool:
 
 
 def read(file: File) -> list[Recording]:
-    """Return the demonstrations in the cells ``data_ee_pose``: structs with ``pose`` (8, T); positions only.
+    """Return the demonstrations in the cells ``data_ee_pose``: structs with ``pose`` (8, T).
 
     Raises:
         InputDataError: The file has another layout.
 
     References:
-        Sun, Gao, Li & Figueroa 2024, the data that accompanies DAMM.
+        Sun, Gao, Li & Figueroa 2024, the data that accompanies DAMM; its quaternions are x, y, z, w, as in
+        the bags that it was converted from.
     """
     cells = matlab.variables(file).get(NAME)
     cells = [cells] if isinstance(cells, dict) else cells
@@ -36,5 +37,6 @@ def read(file: File) -> list[Recording]:
         pose, part = matrix(cell.get("pose")) if isinstance(cell, dict) else None, f"demonstration {index}"
         if pose is None or len(pose) != ROWS:
             raise InputDataError(f"{file.path}, {part}: no matrix of poses.", hint=f"Expected {expected}.")
-        recordings.append(Recording(file.path, pose[:3].T, times=pose[-1], part=part))
+        turn = Orientation(pose[3:7].T, "xyzw", (f"rows 3 to 6 of {NAME}",))
+        recordings.append(Recording(file.path, pose[:3].T, times=pose[-1], part=part, orientation=turn))
     return recordings

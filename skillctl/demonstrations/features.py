@@ -8,13 +8,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TypeAlias
 
+import numpy as np
+
+from skillctl.arrays import FloatArray
 from skillctl.demonstrations.columns import Column, positions
 from skillctl.demonstrations.files import File
-from skillctl.demonstrations.recording import column_indices, listed
+from skillctl.demonstrations.orientation_columns import Turn, orientation_of
+from skillctl.demonstrations.recording import Orientation, column_indices, listed
 from skillctl.errors import InputDataError, printable
 from skillctl.model.space import AXIS_NAMES
 
@@ -33,7 +37,11 @@ class Choice:
         names: Their names in the state space: x, y, z for one point.
         point: Whether they are one point.
         taken: Their own names.
-        left: Names of the vectors, and of numbers beside those chosen, that are not used.
+        left: Names of the vectors, and of numbers beside those chosen, that are no position.
+        turn: Vector and index of each number of the orientation, if it is read.
+        convention: Of it.
+        turned: Names among ``left`` that are it.
+        notes: About an orientation that is not.
     """
 
     places: tuple[Place, ...]
@@ -41,6 +49,24 @@ class Choice:
     point: bool
     taken: tuple[str, ...]
     left: tuple[str, ...]
+    turn: tuple[Place, ...] = ()
+    convention: str = ""
+    turned: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> list[str]:
+        """The vectors that are needed."""
+        return list(dict.fromkeys(feature for feature, _ in (*self.places, *self.turn)))
+
+    def split(self, stack: FloatArray, features: Features) -> tuple[FloatArray, Orientation | None]:
+        """Return the position and the orientation among the vectors ``keys``, side by side in (T, d)."""
+        stacked = [(key, index) for key in self.keys for index in range(len(features[key]))]
+        position, turn = (
+            np.ascontiguousarray(stack[:, [stacked.index(place) for place in places]])
+            for places in (self.places, self.turn)
+        )
+        return position, Orientation(turn, self.convention, self.turned) if self.turn else None
 
 
 def numbered(feature: str, width: int) -> tuple[str, ...]:
@@ -68,6 +94,10 @@ def choose(wanted: Sequence[str], features: Features, file: File, *, what: str) 
     column_indices(wanted, wanted, file.path)  # refuses words that are given twice
     found = [(word, _named(word, features, file, what)) for word in wanted]
     places = list(dict.fromkeys(place for _, some in found for place in some))
+    whole = any(len(some) > 1 for _, some in found)
+    turn = None if file.position_only else _turn(places, features, whole, file)
+    if turn is not None:
+        places = [place for place in places if place not in turn[0]]
     labels = [features[feature][index] for feature, index in places]
     if len(places) > file.max_dimension:
         raise InputDataError(
@@ -79,7 +109,48 @@ def choose(wanted: Sequence[str], features: Features, file: File, *, what: str) 
     names = AXIS_NAMES[: len(places)] if point else _names(places, features)
     new = {some[0]: file.renamed[word] for word, some in found if len(some) == 1 and word in file.renamed}
     names = tuple(new.get(place, name) for place, name in zip(places, names, strict=True))
-    return Choice(tuple(places), names, point, tuple(labels), _left(places, features))
+    choice = Choice(tuple(places), names, point, tuple(labels), _left(places, features))
+    return choice if turn is None else _turning(choice, *turn, features)
+
+
+def _turn(
+    places: Sequence[Place], features: Features, whole: bool, file: File
+) -> tuple[tuple[Place, ...], Turn, str] | None:
+    """Return the numbers of the orientation of a point, among its vector, else others; and its convention.
+
+    Raises:
+        InputDataError: There is none in the convention that the user says.
+    """
+    point = [place for place in places if Column(features[place[0]][place[1]]).role.has_axes]
+    every = [(feature, index) for feature, labels in features.items() for index in range(len(labels))]
+    for within in (True, False) if points([features[f][i] for f, i in point]) == [(0, 1, 2)] else ():
+        columns = [Column(features[f][i] if within else f"{f} {features[f][i]}") for f, i in every]
+        free = [
+            index
+            for index, place in enumerate(every)
+            if (place[0] == point[0][0]) == within and (whole or place in places)
+        ]
+        turn = orientation_of([every.index(place) for place in point], columns, free, file.orientation)
+        if turn is not None:
+            convention = turn.convention(file.orientation, columns)
+            return tuple(every[index] for index in turn.columns), turn, convention
+    if file.orientation is not None:
+        raise InputDataError(
+            f"{file.path}: no orientation {file.orientation} is found beside the position.",
+            hint=f"Choose both with --columns. There are: {listed(list(features), 40)}.",
+        )
+    return None
+
+
+def _turning(
+    choice: Choice, places: tuple[Place, ...], turn: Turn, convention: str, features: Features
+) -> Choice:
+    """Return a choice with an orientation; one of unknown convention is left aside."""
+    if not convention:
+        return replace(choice, notes=(turn.unknown([features[f][i] for f, i in places]),))
+    left = _left((*choice.places, *places), features)
+    turned = tuple(name for name in choice.left if name not in left)
+    return replace(choice, turn=places, convention=convention, turned=turned)
 
 
 def offered(features: Features) -> str:

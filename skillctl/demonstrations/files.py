@@ -41,6 +41,8 @@ class File:
         axes: What the axes of an array are, if the user says it: demo, time and dim.
         max_dimension: Largest number of dimensions of a motion.
         topic: Of a bag, the topic that the user asked for.
+        orientation: Convention of the orientation, if the user says it.
+        position_only: Whether orientations are left aside.
     """
 
     path: Path
@@ -51,6 +53,8 @@ class File:
     axes: Sequence[str] | None = None
     max_dimension: int = 7
     topic: str | None = None
+    orientation: str | None = None
+    position_only: bool = False
     _parsed: dict[Any, Any] = field(default_factory=dict)
 
     def opened(self, parser: Callable[..., Any], kind: str, **options: Any) -> Any:

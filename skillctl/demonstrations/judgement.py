@@ -30,6 +30,7 @@ HELD_LEAP = 2.5  # if the next step is this many times longer than steps at the 
 STOP = 0.5  # or, at the end, if the motion was still at this share of its fastest pace
 PAUSE = 3.0  # a step in time that is this many times longer than the median is a gap
 STILL = 0.1  # a hand slower than this share of its median pace rests
+QUARTER = 90.0  # [deg]: jumps of the orientation are shares of this if the hand turns by less
 CUT = 0.2  # of the fastest pace: a faster motion that is lost for good has no end
 
 
@@ -42,6 +43,7 @@ class Track:
         unit: Of a position.
         where: Names a sample of the file.
         samples: Which samples of the file are left, (T,).
+        least: Extent by which it is judged if its own is less.
     """
 
     label: str
@@ -50,6 +52,7 @@ class Track:
     samples: IntArray
     times: FloatArray
     positions: FloatArray
+    least: float = 0.0
 
     def place(self, sample: int) -> str:
         """Return where a sample that is left stands in the file."""
@@ -105,7 +108,7 @@ class Track:
     def size(self) -> float:
         """Extent of the motion without single wild samples."""
         windows = np.lib.stride_tricks.sliding_window_view(self.positions, 5, axis=0)
-        return extent(np.median(windows, axis=-1))
+        return max(extent(np.median(windows, axis=-1)), self.least)
 
     @property
     def leaps(self) -> BoolArray:
@@ -131,6 +134,31 @@ def judge_recording(track: Track) -> tuple[Track, list[Fault]]:
     faults = [*_jumps(track), *_dropouts(whole, track, found)]
     track, skips = _steady(replace(track, times=track.times - track.times[0]))
     return track, [*faults, *skips]
+
+
+def judge_turning(track: Track, quaternions: FloatArray) -> tuple[BoolArray, list[Fault]]:
+    """Return which samples of a recording have a wild orientation, and the faults of its orientations.
+
+    Twice the quaternions are judged like positions in R⁴: neighbours lie about their angle apart.
+
+    Args:
+        track: The recording.
+        quaternions: Its orientations, without changes of sign, (T, 4).
+    """
+    degrees = np.rad2deg(2 * quaternions)
+    turning = replace(
+        track, label=f"{track.label}, orientation", unit="deg", positions=degrees, least=QUARTER
+    )
+    lost = np.zeros(len(degrees), dtype=bool)
+    faults: list[Fault] = []
+    if len(degrees) < FEWEST:
+        return lost, faults
+    wild = _aside(turning)
+    if wild.any() and np.count_nonzero(~wild) >= FEWEST:
+        sentence = f"{turning.label}: {_told(turning, wild, LOSSES[1][1])}."
+        faults.append(Fault("dropouts", bool(wild.mean() > REFUSED), sentence))
+        lost, turning = wild, turning.without(wild)
+    return lost, [*faults, *_jumps(turning)]
 
 
 # ------------------------------------------------------------------------------- samples that were lost

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from skillctl.demonstrations import clock
 from skillctl.demonstrations.columns import Column, chosen, positions, recognised
@@ -18,6 +19,7 @@ from skillctl.demonstrations.dialect import (
     points_separate_thousands,
 )
 from skillctl.demonstrations.files import File
+from skillctl.demonstrations.orientation_columns import Turn, orientation_of
 from skillctl.demonstrations.recording import listed
 from skillctl.demonstrations.units import SPELLED, UNITS
 from skillctl.errors import InputDataError, printable
@@ -67,7 +69,10 @@ class Layout:
         labels: Their names in the state space.
         unit: Of them.
         said: Whether the table says that unit.
-        unused: Names of columns that are not used, although the user did not choose columns.
+        unused: Names of columns that are no position, although the user did not choose columns.
+        turn: Columns of the orientation, empty if it is not read.
+        convention: Of the orientation.
+        notes: About the columns.
         commas: What a comma in a number is, see ``meaning_of_commas``, or ``points`` if these do.
     """
 
@@ -82,12 +87,15 @@ class Layout:
     unit: str
     said: bool
     unused: tuple[str, ...]
+    turn: tuple[int, ...] = ()
+    convention: str = ""
+    notes: tuple[str, ...] = ()
     commas: str = ""
 
     @property
     def numeric(self) -> tuple[int, ...]:
-        """Columns read as numbers: the time, if it is one, and the positions."""
-        return (*self.clock.columns, *self.positions)
+        """Columns read as numbers: the time, if it is one, the positions, and the orientation."""
+        return (*self.clock.columns, *self.positions, *self.turn)
 
     @property
     def texts(self) -> tuple[int, ...]:
@@ -114,11 +122,13 @@ def layout_of(table: Opened, file: File) -> Layout:
     demo = next((i for i in apart if columns[i].role.name == "demonstration"), None)
     used = {*times.columns, times.stamps, demo}
     free = [i for i, column in enumerate(columns) if column.name and i not in used]
-    if wanted:
-        found = chosen(wanted, columns, path)
-    else:
-        numbers = [i for i in free if not first[i] or is_number(first[i])]
-        found = recognised(columns, numbers, file.max_dimension, path)
+    numbers = [i for i in free if not first[i] or is_number(first[i])]
+    found = (
+        chosen(wanted, columns, path) if wanted else recognised(columns, numbers, file.max_dimension, path)
+    )
+    turn = None if file.position_only else _turn(found, columns, numbers, wanted, file)
+    if turn is not None:
+        found = tuple(i for i in found if i not in turn.columns)
     labels = _labels(found, columns, wanted)
     unused = () if wanted else tuple(i for i in free if i not in found)
     axes = {columns[i].axis for i in found} - {None}
@@ -142,8 +152,43 @@ def layout_of(table: Opened, file: File) -> Layout:
         unit,
         said,
         tuple(names[i] for i in unused),
+        **_turning(turn, columns, file),
     )
     return _between_thousands(table, layout, file)
+
+
+def _turn(
+    found: Sequence[int],
+    columns: Sequence[Column],
+    numbers: Sequence[int],
+    wanted: Sequence[str] | None,
+    file: File,
+) -> Turn | None:
+    """Return the orientation of what is found: one that the user names, or of a thing as a whole.
+
+    Raises:
+        InputDataError: There is none in the convention that the user says.
+    """
+    axes = tuple(i for i in found if columns[i].role.has_axes)
+    whole = axes in positions(columns).values() and len(axes) == len(AXIS_NAMES)
+    named = len(wanted or ()) == len(found) > 0
+    turn = orientation_of(axes, columns, found if named else numbers, file.orientation) if whole else None
+    if turn is None and file.orientation is not None:
+        raise InputDataError(
+            f"{file.path}: no orientation {file.orientation} is found beside the position.",
+            hint="Name its columns with --columns, as in --columns x,y,z,qx=a,qy=b,qz=c,qw=d. They are: "
+            f"{listed([column.name for column in columns], 40)}.",
+        )
+    return turn
+
+
+def _turning(turn: Turn | None, columns: Sequence[Column], file: File) -> dict[str, Any]:
+    """Return what a layout says of an orientation; one of unknown convention is left aside."""
+    if turn is None:
+        return {}
+    if convention := turn.convention(file.orientation, columns):
+        return {"turn": turn.columns, "convention": convention}
+    return {"notes": (turn.unknown([columns[i].name for i in turn.columns]),)}
 
 
 def _fitting(names: Sequence[str], first: Sequence[str]) -> tuple[str, ...]:

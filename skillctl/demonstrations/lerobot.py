@@ -53,26 +53,27 @@ def read(file: File) -> list[Recording]:
     found = file.opened(overview, KIND)
     features: Features = {name: tuple(labels) for name, labels in found["features"].items()}
     choice = _choice(features, file)
-    keys = list(dict.fromkeys(key for key, _ in choice.places))
-    stacked = [(key, index) for key in keys for index in range(len(features[key]))]
-    indices = [stacked.index(place) for place in choice.places]
-    named = all(features[key] != numbered(key, len(features[key])) for key in keys)
-    episodes = file.opened(stacks, KIND, keys=keys)
+    named = all(features[key] != numbered(key, len(features[key])) for key, _ in choice.places)
+    episodes = file.opened(stacks, KIND, keys=choice.keys)
     several = f"{path}: its episodes show {found['tasks']} tasks; --demos chooses those of one."
-    return [
-        Recording(
-            path,
-            np.ascontiguousarray(stack[:, 1:][:, indices]),
-            times=stack[:, 0],
-            names=choice.names,
-            part=f"episode {episode}",
-            unused=() if file.columns is not None else choice.left,
-            notes=(several,) if found["tasks"] > 1 else (),
-            unit="m" if choice.point or not named else "rad",
-            taken=choice.taken,
+    recordings = []
+    for episode, stack in episodes.items():
+        position, orientation = choice.split(stack[:, 1:], features)
+        recordings.append(
+            Recording(
+                path,
+                position,
+                times=stack[:, 0],
+                names=choice.names,
+                part=f"episode {episode}",
+                unused=() if file.columns is not None else choice.left,
+                orientation=orientation,
+                notes=(*choice.notes, several) if found["tasks"] > 1 else choice.notes,
+                unit="m" if choice.point or not named else "rad",
+                taken=choice.taken,
+            )
         )
-        for episode, stack in episodes.items()
-    ]
+    return recordings
 
 
 def _choice(features: Features, file: File) -> Choice:

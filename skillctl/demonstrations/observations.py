@@ -62,6 +62,11 @@ def matrices(path: str, layout: Layout, names: list[str], keys: list[str]) -> di
     with hdf5.root_of(path) as root:
         found = {name: _matrices(root, layout, name, keys) for name in names}
         hdf5.require_small(chain(*found.values()))
+        for name, parts in found.items():
+            if len({part.shape[0] for part in parts}) > 1:
+                raise InputDataError(
+                    f"{name}: its observations differ in length.", hint="Leave it out of the file."
+                )
         return {name: np.hstack(list(map(hdf5.numbers, parts))) for name, parts in found.items()}
 
 
@@ -118,8 +123,6 @@ def _matrices(root: Any, layout: Layout, name: str, keys: list[str]) -> list[Any
                 f"{name}: it lacks observations that others have.", hint="Leave it out of the file."
             )
         matrices.append(matrix)
-    if len({matrix.shape[0] for matrix in matrices}) > 1:
-        raise InputDataError(f"{name}: its observations differ in length.", hint="Leave it out of the file.")
     return matrices
 
 

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from skillctl.demonstrations.formats import FORMATS
-from skillctl.options import option, read_ranges, read_words
+from skillctl.options import option, read_ranges, read_ratio, read_words
 
 if TYPE_CHECKING:
     from skillctl.demonstrations.arm import RecordedArm
     from skillctl.demonstrations.reader import ReadResult
 
 READING = "Reading the demonstrations"
+Convention: TypeAlias = Literal["xyzw", "wxyz", "rotvec", "rotvec-deg", "rpy", "rpy-deg", "matrix"]
 Fault: TypeAlias = Literal["dropouts", "jumps", "clock", "directions", "ends", "crossings"]
 
 
@@ -41,7 +42,10 @@ class Reading:
         help="Topic of a bag; of transforms with the frame that moves: /tf:tool0. Default: the only one.",
     )
     dt: float | None = option(
-        metavar="S", group=READING, help="Seconds between samples, if the file has no time."
+        read=read_ratio,
+        metavar="S",
+        group=READING,
+        help="Seconds between samples, if the file has no time: 0.01, or 1/60.",
     )
     units: Literal["mm", "cm", "m", "deg", "rad"] | None = option(
         group=READING,
@@ -72,6 +76,15 @@ class Reading:
         help=f"Learn from recordings with large faults of these kinds, too: {', '.join(get_args(Fault))}. "
         "Small ones are warnings.",
     )
+    orientation: Convention | None = option(
+        group=READING,
+        help="What the numbers of the orientation are, where no header tells: a quaternion (xyzw, wxyz), a "
+        "rotation vector, roll, pitch and yaw about fixed axes, or a matrix. Of arrays: the columns behind "
+        "the position.",
+    )
+    position_only: bool = option(
+        False, group=READING, help="Leave orientations aside, which are read where the header names them."
+    )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
@@ -82,8 +95,8 @@ class Reading:
         A bound only refuses; and skills made before there were some of these choices stay up to date without
         them.
         """
-        later = ("axes", "topic", "accept")
-        chosen = {name: value for name, value in vars(self).items() if value is not None or name not in later}
+        later = ("axes", "topic", "accept", "orientation", "position_only")
+        chosen = {name: value for name, value in vars(self).items() if value or name not in later}
         del chosen["max_dimension"]
         return chosen
 

@@ -15,11 +15,13 @@ from skillctl.demonstrations.checks import Findings, judge, prepare, set_notes
 from skillctl.demonstrations.faults import Fault
 from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, OPENED, File, read_bytes
 from skillctl.demonstrations.formats import digest_of, format_of, named, size_of
+from skillctl.demonstrations.orientation import CONVENTIONS, characteristic_length, is_unmeasured
 from skillctl.demonstrations.recording import Recording, column_indices, listed
 from skillctl.demonstrations.units import UNITS
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
-from skillctl.model.space import AXIS_NAMES, Euclidean, default_names
+from skillctl.model.pose import Pose
+from skillctl.model.space import AXIS_NAMES, Euclidean, Space, default_names
 from skillctl.workers.child import Child
 from skillctl.workers.limits import Limits
 
@@ -76,11 +78,15 @@ def read_demonstrations(
     max_dimension: int = 7,
     frame: str = "base",
     topic: str | None = None,
+    orientation: str | None = None,
+    position_only: bool = False,
     arm: RecordedArm | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
 
-    Every file may hold one or many; formats may be mixed. Times start at zero in each demonstration.
+    Every file may hold one or many; formats may be mixed. Times start at zero in each demonstration. If all
+    hold the orientation of what moves, too, they are demonstrations of poses, whose rotation vectors are
+    continuous. An orientation that is exactly none in all samples was not measured, and is left aside.
 
     Args:
         paths: Files of any of ``FORMATS``.
@@ -97,6 +103,9 @@ def read_demonstrations(
         max_dimension: Motions of more dimensions are refused.
         frame: Frame in which the positions are given; it is only recorded.
         topic: Topic that is read of a bag; of transforms with the frame that moves, as in ``/tf:tool0``.
+        orientation: Convention of orientations, one of ``orientation.CONVENTIONS``, where names do not tell
+            it; of arrays, it says that the columns behind the first three are one.
+        position_only: Leave orientations aside.
         arm: The arm whose joints the files hold; the demonstrations are those of its hand.
 
     Raises:
@@ -106,13 +115,22 @@ def read_demonstrations(
     """
     forced = None if input_format is None else named(input_format)
     _require_positive(dt=dt, scale=scale)
+    if orientation is not None and (position_only or orientation not in CONVENTIONS):
+        known = (
+            "and --position-only exclude each other"
+            if position_only
+            else f"is none of {listed([*CONVENTIONS])}"
+        )
+        raise UsageError(f"--orientation {printable(orientation)} {known}.")
     recordings: list[Recording] = []
     sources = []
     old, renamed = _renamed(columns)
     most = max_dimension if arm is None else max(max_dimension, len(arm.joints))
     with Child(_limits(paths), NO_PLUGINS) as child:
         for path in map(Path, paths):
-            file = File(path, read_bytes(path), old, child, renamed, axes, most, topic)
+            file = File(
+                path, read_bytes(path), old, child, renamed, axes, most, topic, orientation, position_only
+            )
             form, sha256 = format_of(file, forced), _sha256(file)
             recordings += [_as_asked(recording, file, units) for recording in form.read(file)]
             sources.append(InputFile(path, sha256, form.name))
@@ -123,10 +141,14 @@ def read_demonstrations(
     if arm is not None:
         selection = [arm.hand_of(recording) for recording in selection]
     names = _names(selection, max_dimension)
+    if position_only or (orientation is None and is_unmeasured(selection)):
+        selection = [replace(recording, orientation=None) for recording in selection]
+    _require_alike(selection)
     prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
     _require_short(prepared)
-    space = Euclidean(names, unit="rad" if selection[0].base == "rad" else "m", frame=frame)
-    demonstrations = DemonstrationSet(tuple(demonstration for demonstration, _ in prepared), space)
+    demonstrations = _in_one_space(
+        [demonstration for demonstration, _ in prepared], selection[0], names, frame
+    )
     findings = [found for _, found in prepared]
     notes = _file_notes(selection, sources, dt, units) + set_notes(demonstrations, findings)
     faults = tuple(
@@ -148,6 +170,17 @@ def _sha256(file: File) -> str:
     return hashlib.sha256(file.content).hexdigest()
 
 
+def _in_one_space(
+    demonstrations: Sequence[Demonstration], first: Recording, names: tuple[str, ...], frame: str
+) -> DemonstrationSet:
+    """Return demonstrations in the space of the first recording; ``names`` are those of its positions."""
+    space: Space = Euclidean(names, unit="rad" if first.base == "rad" else "m", frame=frame)
+    if first.orientation is not None:
+        length = characteristic_length([each.positions for each in demonstrations])
+        space = Pose(length=length, frame=frame)
+    return DemonstrationSet(tuple(demonstrations), space)
+
+
 def _require_short(prepared: Sequence[tuple[Demonstration, Findings]]) -> None:
     """Raise InputDataError if a recording lasts longer than a day: no motion does."""
     longest, found = max(prepared, key=lambda each: each[0].duration)
@@ -156,6 +189,22 @@ def _require_short(prepared: Sequence[tuple[Demonstration, Findings]]) -> None:
         raise InputDataError(
             f"{found.label}: it lasts {longest.duration:.3g} s, more than a day; its times are no seconds.",
             hint=f"Say their unit in the header or with --columns, as in t_{unit} or --columns t_{unit}=t.",
+        )
+
+
+def _require_alike(recordings: Sequence[Recording]) -> None:
+    """Raise InputDataError if some recordings have an orientation and others do not, or of joint angles."""
+    having = [recording for recording in recordings if recording.orientation is not None]
+    lacking = [recording for recording in recordings if recording.orientation is None]
+    if having and lacking:
+        raise InputDataError(
+            f"{lacking[0].label}: it has no orientation that is read, but {having[0].label} has one.",
+            hint="Choose columns, say its --orientation, or learn positions only with --position-only.",
+        )
+    if having and having[0].base == "rad":
+        raise InputDataError(
+            f"{having[0].label}: the position beside its orientation is in {having[0].unit}.",
+            hint="Say the unit of the position, --units m, or learn positions only with --position-only.",
         )
 
 
@@ -271,7 +320,13 @@ def _file_notes(
     """Return notes on the files and on how they were read."""
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
     taken = dict.fromkeys(name for recording in recordings for name in recording.taken)
-    unused = dict.fromkeys(name for recording in recordings for name in recording.unused)
+    turns = [recording.orientation for recording in recordings if recording.orientation is not None]
+    for names, convention in dict.fromkeys((turn.names, turn.convention) for turn in turns):
+        what = f"the orientation is {listed(names)}" if names else "the orientation is read as"
+        how = CONVENTIONS[convention].words
+        notes.append(f"{what}{', ' if names else ' '}{how}; --position-only leaves it aside.")
+    used = {name for turn in turns for name in turn.names}
+    unused = dict.fromkeys(name for recording in recordings for name in recording.unused if name not in used)
     if unused:
         positions = f"the position is {listed(tuple(taken))}; " if taken else ""
         notes.append(f"{positions}left aside: {listed(tuple(unused))}; use --columns to choose others.")

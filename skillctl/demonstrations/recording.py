@@ -20,6 +20,25 @@ EVEN_SAMPLES = 11
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Orientation:
+    """The orientation of the hand during a recording, as the file writes it.
+
+    Attributes:
+        numbers: Shape (T, n).
+        convention: What they mean, one of ``orientation.CONVENTIONS``.
+        names: Of the columns or vectors in the file, as in ``Recording.unused``.
+    """
+
+    numbers: FloatArray
+    convention: str
+    names: tuple[str, ...] = ()
+
+    def at(self, samples: IntArray) -> Orientation:
+        """Return the orientation at some of the samples."""
+        return Orientation(self.numbers[samples], self.convention, self.names)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Recording:
     """One demonstration before anything is checked, converted or left out.
 
@@ -34,7 +53,8 @@ class Recording:
         unit: Of the positions, one of ``UNITS`` of lengths and angles; of joint angles if its base is rad.
         unit_said: Whether the file says the unit.
         taken: Columns of the file that are the positions, if they have names.
-        unused: Columns of the file that are not used, although the user did not choose columns.
+        unused: Columns of the file that are no position, although the user did not choose columns.
+        orientation: Of the hand, if the file has it; then there are three positions.
         frame: In which the positions are, if the file says it.
         notes: Sentences for the user on how the file was read.
     """
@@ -50,6 +70,7 @@ class Recording:
     unit_said: bool = False
     taken: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
+    orientation: Orientation | None = None
     frame: str = ""
     notes: tuple[str, ...] = ()
 

@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from skillctl.demonstrations.features import Features, choose, numbered, offered
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, listed, uniform_times
@@ -90,34 +88,43 @@ def read(file: File) -> list[Recording]:
     features = {key: _labels(layout, key, width) for key, width in found["widths"].items()}
     _require(wanted, features, found["shapes"], file)
     choice = choose(wanted, features, file, what="observation")
-    keys = list(dict.fromkeys(key for key, _ in choice.places))
-    stacked = [(key, index) for key in keys for index in range(found["widths"][key])]
-    indices = [stacked.index(place) for place in choice.places]
-    positions = file.opened(matrices, "HDF5 file", layout=layout.name, names=found["names"], keys=keys)
+    keys = choice.keys
+    stacks = file.opened(matrices, "HDF5 file", layout=layout.name, names=found["names"], keys=keys)
     period = None if found["frequency"] is None else 1 / found["frequency"]
-    return [
-        Recording(
-            path,
-            np.ascontiguousarray(stack[:, indices]),
-            times=None if period is None else uniform_times(period, len(stack)),
-            names=choice.names,
-            part=name,
-            unit="rad" if all(ANGLES.search(key) for key in keys) else "m",
-            taken=choice.taken,
-            unused=() if file.columns is not None else choice.left,
+    recordings = []
+    for name, stack in stacks.items():
+        position, orientation = choice.split(stack, features)
+        recordings.append(
+            Recording(
+                path,
+                position,
+                times=None if period is None else uniform_times(period, len(stack)),
+                names=choice.names,
+                part=name,
+                unit="rad" if all(ANGLES.search(key) for key, _ in choice.places) else "m",
+                taken=choice.taken,
+                unused=() if file.columns is not None else choice.left,
+                orientation=orientation,
+                notes=choice.notes,
+            )
         )
-        for name, stack in positions.items()
-    ]
+    return recordings
 
 
 def _labels(layout: Layout, key: str, width: int) -> tuple[str, ...]:
-    """Return the names of an observation's numbers; those of ALOHA's two arms are known."""
+    """Return the names of an observation's numbers, as far as the projects say what they are."""
     if layout.name == "ALOHA" and key == layout.preferred:
         if width == len(ALOHA_JOINTS):
             return ALOHA_JOINTS
         if width == 2 * len(ALOHA_JOINTS):
             return tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ALOHA_JOINTS)
-    return numbered(key, width)
+    named = numbered(key, width)
+    if layout.name == "robomimic" and key.endswith("quat") and width == 4:
+        return tuple(f"{name[:-1]}{letter}" for name, letter in zip(named, "xyzw", strict=True))
+    if layout.name == "ManiSkill" and key.endswith("pose") and width == 7:
+        stem = named[0][:-1]
+        return (*named[:3], *(f"{stem}q{letter}" for letter in "wxyz"))
+    return named
 
 
 def _require(wanted: list[str], features: Features, shapes: dict[str, list[int]], file: File) -> None:

@@ -6,26 +6,33 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from skillctl import rotations
 from skillctl.arrays import BoolArray, FloatArray
 from skillctl.demonstrations.faults import NOTICED, REFUSED, Fault
 from skillctl.demonstrations.judgement import Track
+from skillctl.demonstrations.options import Fault as Kind
 from skillctl.geometry import extent, path_length, resample_by_arc_length
 
 SCATTER = 3.0  # ends up to this many times as far off as their median scatter like the others
 REVERSED = 0.5  # a way is opposite if it lies this many times nearer when reversed
 NEAR = 0.02  # of the extent: places as near as this are one place, from which a skill goes on in one way
+TURNED = (np.deg2rad(20), np.deg2rad(60))  # apart: noticed and refused; RoboTasks' ends scatter by up to 13°
+WAY = 30  # samples of a way by which it is compared
 CROSSING = 1 / 3  # of the demonstrations: if as many cross themselves, it is no slip
 
 
-def judge_together(tracks: Sequence[Track]) -> list[Fault]:
-    """Return the faults of recordings of one motion beside each other; ``demo`` counts them from 0."""
+def judge_together(tracks: Sequence[Track], turns: Sequence[FloatArray] = ()) -> list[Fault]:
+    """Return the faults of recordings of one motion beside each other; ``demo`` counts them from 0.
+
+    ``turns`` are their orientations, if they have them: quaternions (T, 4) each.
+    """
     size = float(np.median([extent(track.positions) for track in tracks]))
     opposite = _opposite(tracks)
     faults = [
         Fault("directions", True, f"{tracks[i].label} goes the way of the others backwards.", i)
         for i in np.flatnonzero(opposite).tolist()
     ]
-    return [*faults, *_apart(tracks, ~opposite, size), *_crossings(tracks)]
+    return [*faults, *_apart(tracks, ~opposite, size), *_crossings(tracks), *_turned_apart(tracks, turns)]
 
 
 def _opposite(tracks: Sequence[Track]) -> BoolArray:
@@ -56,6 +63,33 @@ def _apart(tracks: Sequence[Track], judged: BoolArray, size: float) -> Iterator[
         far = f"{away[i]:.3g} {unit} from the others, {away[i] / size:.0%} of the extent"
         sentence = f"{tracks[i].label} ends {far}, at {tracks[i].place(-1)}."
         yield Fault("ends", bool(away[i] > REFUSED * size), sentence, i)
+
+
+def _turned_apart(tracks: Sequence[Track], turns: Sequence[FloatArray]) -> Iterator[Fault]:
+    """Yield the recordings that end turned apart from the others, or turn another way to their end."""
+    if len(turns) < 2:
+        return
+    to_end = [rotations.vectors(rotations.product(rotations.inverse(each[-1]), each)) for each in turns]
+    ends = rotations.vectors(np.stack([each[-1] for each in turns]))
+    away = rotations.angles(ends, _middle(ends))
+    share = np.linspace(0, 1, WAY)
+    ways = np.stack([each[np.rint(share * (len(each) - 1)).astype(int)] for each in to_end])
+    between = rotations.angles(ways[:, None], ways).mean(axis=2)
+    off = between[np.argmin(np.median(between, axis=1))]
+    kinds: tuple[tuple[Kind, FloatArray, str], ...] = (
+        ("ends", away, "its orientation at the end is {} from the others"),
+        ("directions", off, "it turns another way to its end than the others, on average {} from them"),
+    )
+    for kind, angles, words in kinds:
+        for i in np.flatnonzero(angles > TURNED[0]).tolist():
+            far = words.format(f"{np.rad2deg(angles[i]):.0f}°")
+            yield Fault(kind, bool(angles[i] > TURNED[1]), f"{tracks[i].label}: {far}.", i)
+
+
+def _middle(vectors: FloatArray) -> FloatArray:
+    """Return the one of rotations (n, 3) that is nearest to most others."""
+    angles = rotations.angles(vectors[:, None], vectors)
+    return np.asarray(vectors[np.argmin(np.median(angles, axis=1))])
 
 
 def _crossings(tracks: Sequence[Track]) -> Iterator[Fault]:

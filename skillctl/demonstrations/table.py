@@ -15,7 +15,7 @@ from skillctl.demonstrations import clock
 from skillctl.demonstrations.dialect import COMMENT, Row, opened, parsed
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.layout import UTF16, Layout, layout_of, text_of
-from skillctl.demonstrations.recording import GAPS, Recording, is_even, listed, uniform_times
+from skillctl.demonstrations.recording import GAPS, Orientation, Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, printable
 
 Block: TypeAlias = tuple[IntArray, FloatArray, list[tuple[str, ...]]]  # lines, numbers, texts
@@ -146,7 +146,8 @@ def _not_a_number(row: Row, column: int, layout: Layout) -> InputDataError:
     line, cell = row[0], row[1][column]
     where = f"{layout.path}, line {line}, column '{printable(layout.names[column])}'"
     if not cell:
-        return InputDataError(f"{where}: an empty cell.", hint=GAPS)
+        aside = " Or leave the orientation aside with --position-only." if column in layout.turn else ""
+        return InputDataError(f"{where}: an empty cell.", hint=f"{GAPS}{aside}")
     if column in layout.clock.columns and clock.LOOKS_LIKE_ONE.fullmatch(cell):
         return InputDataError(f"{where}: '{printable(cell)[:40]}' is no time that is read.", hint=clock.KNOWN)
     return InputDataError(
@@ -160,7 +161,8 @@ def _split(
 ) -> list[Recording]:
     """Return one recording per value of the demo column, in the order of their first rows."""
     given = layout.clock
-    found = values[:, len(given.columns) :]
+    here = len(given.columns) + np.arange(len(layout.positions))
+    found, turned = values[:, here], values[:, len(given.columns) + len(here) :]
     _require_coordinates(layout, found)
     times = _times(layout, lines, values, texts)
     demos = [text[0] for text in texts] if layout.demo is not None else []
@@ -180,10 +182,16 @@ def _split(
             unit_said=layout.said,
             taken=tuple(layout.names[i] for i in layout.positions),
             unused=layout.unused,
+            orientation=_orientation(layout, turned[rows]),
             notes=_notes(layout, len(members)),
         )
         for rows in members
     ]
+
+
+def _orientation(layout: Layout, turned: FloatArray) -> Orientation | None:
+    names = tuple(layout.names[i] for i in layout.turn)
+    return Orientation(turned, layout.convention, names) if layout.turn else None
 
 
 def _own_times(layout: Layout, rows: IntArray) -> FloatArray | None:
@@ -226,7 +234,7 @@ def _require_coordinates(layout: Layout, found: FloatArray) -> None:
 
 
 def _notes(layout: Layout, count: int) -> tuple[str, ...]:
-    notes = list(layout.clock.notes)
+    notes = [*layout.clock.notes, *layout.notes]
     if marks := {"thousands": "commas", "points": "points"}.get(layout.commas):
         notes.append(f"{marks} in numbers are read as separators between thousands.")
     if layout.demo is not None and count > 1 and layout.names[layout.demo].lower() != "demo":

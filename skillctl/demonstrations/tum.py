@@ -33,7 +33,7 @@ def recognises(file: File) -> bool:
 
 
 def read(file: File) -> list[Recording]:
-    """Return the one demonstration in a TUM trajectory: its positions; orientations are not used.
+    """Return the one demonstration in a TUM trajectory.
 
     Raises:
         InputDataError: A row is not eight numbers; the message gives the line.

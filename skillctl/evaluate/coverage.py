@@ -123,7 +123,8 @@ def same_targets(skill: CombinedSkill) -> tuple[tuple[int, int, float], ...]:
     Parts are counted from 1; parts of exactly one attractor are not named.
     """
     ends, tolerance = skill.part_attractors, _tolerance(skill)
-    gaps = [(i, j, float(np.linalg.norm(ends[i] - ends[j]))) for i, j in combinations(range(len(ends)), 2)]
+    distance = skill.space.distance
+    gaps = [(i, j, float(distance(ends[i], ends[j]))) for i, j in combinations(range(len(ends)), 2)]
     return tuple((i + 1, j + 1, gap) for i, j, gap in gaps if 0 < gap <= tolerance)
 
 
@@ -210,7 +211,7 @@ def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet 
     """
     return np.array(
         [
-            leaf.attractor + (motion.positions[0] - motion.positions[-1])
+            skill.space.carried(motion.positions[0], motion.positions[-1], leaf.attractor)
             for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
             for motion in motions or ()
         ]
@@ -222,17 +223,27 @@ class _Taught:
     """The demonstrations of one part, laid out from where the part's attractor is now.
 
     Attributes:
-        paths: Shape (samples, d) each.
+        part: The part.
+        paths: Charted states, shape (samples, d) each.
         longest: Duration of the longest, [s].
     """
 
+    part: ActingSkill
     paths: tuple[FloatArray, ...]
     longest: float
 
     @property
-    def starts(self) -> FloatArray:
-        """Where they begin. Shape (n, d)."""
+    def places(self) -> FloatArray:
+        """Charted states at which they begin. Shape (n, d)."""
         return np.stack([path[0] for path in self.paths])
+
+    @property
+    def starts(self) -> FloatArray:
+        """States in which they begin. Shape (n, d)."""
+        part = self.part
+        return (
+            self.places if part.space.flat else part.space.placed(self.places - part.anchor, part.attractor)
+        )
 
 
 def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> list[_Taught | None]:
@@ -243,15 +254,17 @@ def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | No
     found: list[_Taught | None] = []
     for part in skill.parts:
         motions = [motion for _ in part.leaves for motion in next(remaining) or ()]
-        paths = tuple(part.attractor + (motion.positions - motion.positions[-1]) for motion in motions)
-        found.append(_Taught(paths, max(motion.duration for motion in motions)) if motions else None)
+        paths = tuple(
+            part.anchor + part.space.offsets(motion.positions, motion.positions[-1]) for motion in motions
+        )
+        found.append(_Taught(part, paths, max(motion.duration for motion in motions)) if motions else None)
     return found
 
 
 def _regions(
     densities: Sequence[GaussianMixture], taught: Sequence[_Taught | None]
 ) -> tuple[GaussianMixture, ...]:
-    return regions(densities, [None if motions is None else motions.starts for motions in taught])
+    return regions(densities, [None if motions is None else motions.places for motions in taught])
 
 
 def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], index: int) -> FloatArray | None:
@@ -271,13 +284,13 @@ def _left_out_scores(skill: CombinedSkill, taught: Sequence[_Taught | None], ind
         rest = replace(own, paths=tuple(own.paths[i] for i in numbers[~left]))
         densities[index], others[index] = _relearned(part, np.vstack(rest.paths)), rest
         region = _regions(densities, others)[index] if skill.regions else densities[index]
-        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(own.starts[left])
+        scores[left, index] = np.log(skill.part_priors[index]) + region.log_density(own.places[left])
     return scores
 
 
 def _relearned(part: ActingSkill, positions: FloatArray) -> GaussianMixture:
-    """Return the position density of a part after one step of EM on other positions (n, d)."""
-    floor = POSITION_FLOOR * float(((positions - part.attractor) ** 2).sum(axis=1).mean())
+    """Return the position density of a part after one step of EM on other charted states (n, d)."""
+    floor = POSITION_FLOOR * float(((positions - part.anchor) ** 2).sum(axis=1).mean())
     shares = expectation(part.density.log_joint(positions).T)
     return GaussianMixture(*position_moments(shares, positions, floor))
 
@@ -296,6 +309,6 @@ def _ends_at(skill: CombinedSkill, index: int, starts: FloatArray, longest: floa
     """Return which motions arrive at the attractor of part ``index``, or at one that is not told from it."""
     period = float(np.clip(0.5 * contraction_period(skill), longest / STEPS[1], longest / STEPS[0]))
     result = rollout(skill, starts, duration=DURATIONS * longest, period=period)
-    distances = np.linalg.norm(result.positions[:, -1, None] - skill.part_attractors, axis=2)
+    distances = skill.space.distance(result.positions[:, -1, None], skill.part_attractors)
     near = distances[:, index] <= distances.min(axis=1) + _tolerance(skill)
     return np.asarray(result.arrived & near)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.coordinates.bodies import Body
+from skillctl.model.coordinates.gauge import Gauge
+from skillctl.model.kept_out import kept_out
 from skillctl.model.skill import Skill, contraction_period
-from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper
+from skillctl.model.steering import steered
+from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper, moved
 
 
 class Controller:
@@ -23,17 +28,38 @@ class Controller:
         skill: What is followed.
         period: Time between two calls of ``step``, [s].
         part: Index of the part that acted last; None before the first step.
+        blocked: Names of the bodies before which the last step ended, since nothing leads on; see ``step``.
     """
 
-    def __init__(self, skill: Skill, period: float, *, allow_unproved: bool = False) -> None:
-        """Args: skill; period: time between two calls of ``step``, [s]; allow_unproved: a longer period, too.
+    def __init__(
+        self,
+        skill: Skill,
+        period: float,
+        *,
+        keep_out: Sequence[Body] = (),
+        margin: float | None = None,
+        allow_unproved: bool = False,
+    ) -> None:
+        """Make a controller of a skill at its target.
+
+        Args:
+            skill: What is followed.
+            period: Time between two calls of ``step``, [s].
+            keep_out: Bodies that the motion must not enter, in the skill's frame; see ``kept_out``.
+            margin: What stays free around these, and around those that ``step`` is told of, [m].
+            allow_unproved: Accept a longer period than is proved.
 
         The period is held against the one at which every component contracts, which agrees with the
         certificate's to one part in 10¹²; what is proved of the whole skill only ``verify`` says.
 
         Raises:
-            UsageError: A period that is not positive, or longer than steps are known to contract for.
+            UsageError: A period that is not positive, or longer than steps are known to contract for; bodies
+                without a margin, or that ``kept_out`` refuses.
         """
+        self._margin = margin
+        self._known = [(body.name, self._inflated(body)) for body in keep_out]
+        if margin is not None:
+            skill = kept_out(skill, keep_out, margin=margin)
         self._stepper = Stepper(skill, period)
         longest = contraction_period(skill)
         if period > longest and not allow_unproved:
@@ -44,11 +70,16 @@ class Controller:
             )
         self.skill, self.period = skill, period
         self._last: Step | None = None
+        self.blocked: tuple[str, ...] = ()
 
     @property
     def part(self) -> int | None:
         """Index of the part that acted last; None before the first step."""
         return None if self._last is None else int(self._last.parts)
+
+    def follow(self, skill: Skill) -> None:
+        """Go on with another skill of the same parts, as among bodies that moved; which one acts stays."""
+        self.skill, self._stepper = skill, Stepper(skill, self.period)
 
     def reset(self) -> None:
         """Forget which part acts: the next step is a start."""
@@ -60,7 +91,12 @@ class Controller:
         return None if self._last is None else self._last.states
 
     def step(
-        self, state: npt.ArrayLike, *, max_speed: float | None = None, max_turn: float | None = None
+        self,
+        state: npt.ArrayLike,
+        *,
+        max_speed: float | None = None,
+        max_turn: float | None = None,
+        seen: Sequence[Body] = (),
     ) -> FloatArray:
         """Return the velocity command for the measured state (d,), per second.
 
@@ -71,10 +107,15 @@ class Controller:
             max_speed: The largest speed the robot will be given, per second; a faster command is shortened.
                 Told here, a robot that falls behind an uncapped command is not mistaken for a disturbed one.
             max_turn: The same for the speed at which a pose turns, [rad/s].
+            seen: Bodies that are seen now, or move slowly, beside those that were known before. None that
+                stands still is entered, and V never rises; that the motion arrives is not proved. Before a
+                face that is wide, as seen from the target, it may stop: then ``blocked`` names the body,
+                and the command is zero until the body moves.
 
         Raises:
             StateError: A state of another shape, or not finite; the controller is as before.
-            UsageError: A cap that is not positive and finite.
+            UsageError: A cap that is not positive and finite; bodies seen without a margin, or by a skill
+                over anything but positions.
         """
         x = self.skill.space.measured(state)
         caps = UNCAPPED
@@ -83,8 +124,33 @@ class Controller:
         last, part, near = self._last, None, None
         if last is not None and not self._disturbed(x, last):
             part, near = int(last.parts), last.offset
+        bodies = [(body.name, self._inflated(body)) for body in seen]
         self._last = self._stepper.step(x, part, caps, near)
+        self.blocked = ()
+        if bodies:
+            self._last = self._steered(x, self._last, [*bodies, *self._known], caps)
         return self._last.command
+
+    def _steered(
+        self, state: FloatArray, step: Step, bodies: Sequence[tuple[str, Gauge]], caps: Caps
+    ) -> Step:
+        """Return a step that is steered clear of bodies; say which ones block it."""
+        space = self.skill.space
+        if space.positions < space.dimension or space.unit != "m":
+            raise UsageError("seen: only a skill over positions can be steered clear of what is seen.")
+        part = self.skill.acting_parts[int(step.parts)]
+        gauges = [gauge for _, gauge in bodies]
+        turned = steered(part, state, step.command, gauges, self.period, caps)
+        self.blocked = tuple(bodies[index][0] for index in turned.blocked)
+        return Step(moved(space, state, turned.velocity, self.period), turned.velocity, step.parts)
+
+    def _inflated(self, body: Body) -> Gauge:
+        if self._margin is None:
+            raise UsageError(
+                f"{body.name}: a controller among bodies needs a margin.",
+                hint="Give margin=…, in metres, such as the radius of the hand.",
+            )
+        return body.inflated(self._margin)
 
     def _disturbed(self, state: FloatArray, last: Step) -> bool:
         return self.skill.space.distance_at(state, last.states) > self.skill.disturbance_distance

@@ -132,12 +132,12 @@ class DemonstrationSet(Frozen):
         """Return the same motions, moved by ``offset`` (d,)."""
         return DemonstrationSet(tuple(d.translated(offset) for d in self.demonstrations), self.space)
 
-    def carried(self, target: FloatArray, goal: FloatArray) -> DemonstrationSet:
-        """Return the same motions, moved as a target (d,) to a goal (d,) is."""
+    def carried(self, target: FloatArray, goal: FloatArray, *, turn: bool = False) -> DemonstrationSet:
+        """Return the same motions, moved as a target (d,) to a goal (d,) is; see ``Space.carried``."""
         return DemonstrationSet(
             tuple(
                 Demonstration.from_positions(
-                    d.times, self.space.carried(d.positions, target, goal), d.source, self.space
+                    d.times, self.space.carried(d.positions, target, goal, turn=turn), d.source, self.space
                 )
                 for d in self.demonstrations
             ),

@@ -12,17 +12,17 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
-from skillctl.model.coordinates.bodies import Body
+from skillctl.model.coordinates.bodies import AnyBody, Body
 from skillctl.model.coordinates.chain import Chain, Link, OnPosition
 from skillctl.model.coordinates.gauge import Gauge
 from skillctl.model.coordinates.keep_out import KeepOut
 from skillctl.model.coordinates.separation import separated
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import AnySkill
+from skillctl.model.skill import AnySkill, Skill
 
 LARGEST_REACH = 2.0  # of an influence, in sizes of its body
 LEAST_REACH = 1.01  # smaller ones bend motions too sharply to compute with
-HALVINGS = 10  # of the room between two influences
+HALVINGS = 6  # of the room between two influences
 
 
 def kept_out(
@@ -80,6 +80,34 @@ def kept_out(
         return replace(leaf, coordinates=Chain((link, *leaf.coordinates.links)))
 
     return skill.with_leaves(change)
+
+
+def admitted(
+    skill: Skill, bodies: Sequence[AnyBody], *, margin: float, stride: float | None = None
+) -> tuple[list[AnyBody], tuple[tuple[str, str], ...]]:
+    """Return those of the bodies that a skill can keep out of together; of the others, name and reason.
+
+    A body is left out if a target is in it, or if it is too near to one before it in the list.
+
+    Args:
+        skill: As of ``kept_out``.
+        bodies: In the order of their worth.
+        margin: As of ``kept_out``.
+        stride: As of ``kept_out``.
+    """
+    chosen: list[tuple[AnyBody, Gauge]] = []
+    refusals = []
+    inflation = math.hypot(margin, 0.5 * (margin if stride is None else stride))
+    least = (LEAST_REACH, LEAST_REACH)
+    for body in bodies:
+        gauge = body.inflated(inflation)
+        if gauge.values(skill.attractors[:, : len(gauge.pole)]).min() < LEAST_REACH:
+            refusals.append((body.name, "the target is in it, or next to it"))
+        elif met := [other.name for other, taken in chosen if not separated(taken, gauge, least)]:
+            refusals.append((body.name, f"it meets the {met[0]}"))
+        else:
+            chosen.append((body, gauge))
+    return [body for body, _ in chosen], tuple(refusals)
 
 
 def _link(

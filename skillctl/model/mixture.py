@@ -144,6 +144,17 @@ class GaussianMixture(Frozen):
         """Return the mixture moved by ``offset`` (d,)."""
         return GaussianMixture(self.priors, self.means + offset, self.covariances)
 
+    def mapped(self, matrix: FloatArray, origin: FloatArray) -> GaussianMixture:
+        """Return the mixture of o + M (x − o), M a matrix (d, d) and o an ``origin`` (d,)."""
+        means = origin + (self.means - origin) @ matrix.T
+        return GaussianMixture(self.priors, means, congruent(self.covariances, matrix))
+
+
+def congruent(symmetric: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return M S Mᵀ for matrices S (..., d, d), symmetric to the last bit."""
+    found = matrix @ symmetric @ matrix.T
+    return np.asarray(0.5 * (found + found.swapaxes(-1, -2)))
+
 
 def joined(mixtures: Sequence[GaussianMixture], weights: FloatArray) -> GaussianMixture:
     """Return the mixture of mixtures with weights (number of mixtures,), positive up to a common factor."""

@@ -93,6 +93,22 @@ class Pose(Space):
         moved = target[..., :3] + offsets[..., :3]
         return np.concatenate([moved, rotations.vectors(turned)], axis=-1)
 
+    def carried(
+        self, states: FloatArray, target: FloatArray, goal: FloatArray, *, turn: bool = False
+    ) -> FloatArray:
+        """Return states (..., 6) moved with a target (6,) to a goal (6,); see ``Space``."""
+        moved = Space.carried(self, states, target, goal)
+        if turn:
+            base = rotations.product(
+                rotations.quaternions(goal[3:]), rotations.inverse(rotations.quaternions(target[3:]))
+            )
+            moved[..., :3] = goal[:3] + rotations.turned(moved[..., :3] - goal[:3], base)
+        return moved
+
+    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+        """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
+        return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+
     def tangent(self, states: FloatArray, target: FloatArray) -> tuple[FloatArray, Place]:
         """Return offsets (n, 6), and what leads their velocities to twists (n, 6): ω = R* J(r/ℓ) ṙ / ℓ.
 

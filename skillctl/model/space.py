@@ -109,9 +109,18 @@ class Space(ABC):
         offsets, place = self.tangent(state[None], target)
         return offsets[0], lambda velocity: place(velocity[None])[0]
 
-    def carried(self, states: FloatArray, target: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return states (..., d) moved with a target (d,) to a goal (d,): offsets stay."""
+    def carried(
+        self, states: FloatArray, target: FloatArray, goal: FloatArray, *, turn: bool = False
+    ) -> FloatArray:
+        """Return states (..., d) moved with a target (d,) to a goal (d,): offsets stay.
+
+        With ``turn`` they move as one body with the target: where it turns, offsets of positions turn, too.
+        """
         return self.placed(self.offsets(states, target), goal)
+
+    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+        """Return the mean (d,) of states (n, d) with weights (n,) that sum to one."""
+        return np.asarray(weights @ states)
 
     def distance(self, to: FloatArray, start: FloatArray) -> FloatArray:
         """Return how far apart states (..., d) are, in the unit. Shape (...)."""
@@ -211,7 +220,9 @@ class Euclidean(Space):
         """Return ``state`` − ``target``, and the identity."""
         return state - target, _unchanged
 
-    def carried(self, states: FloatArray, target: FloatArray, goal: FloatArray) -> FloatArray:
+    def carried(
+        self, states: FloatArray, target: FloatArray, goal: FloatArray, *, turn: bool = False
+    ) -> FloatArray:
         """Return ``states`` + (``goal`` − ``target``)."""
         return states + (goal - target)
 

@@ -8,13 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from tempfile import NamedTemporaryFile
-from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.bullet import World
+
+if TYPE_CHECKING:
+    from skillctl.simulation.ik import Kinematics
 
 CONTROL_PERIOD = 1 / 240  # [s], also Bullet's step
 LIMIT_MARGIN = 0.005  # [rad], between commands and limits: more than the lag of the motors
@@ -78,6 +81,8 @@ class ArmBody:
         self.indices = list(model.indices)
         for joint, place in model.fingers:
             bullet.resetJointState(self.body, joint, place)
+        inertial = bullet.getLinkState(self.body, model.tip)[2:4]
+        self._tip = bullet.invertTransform(*inertial)[0]  # Bullet measures from the link's centre of mass
 
     def __enter__(self: Body) -> Body:
         return self
@@ -101,6 +106,24 @@ class ArmBody:
         rest = [0.0] * len(places)
         torques = self.bullet.calculateInverseDynamics(self.body, places.tolist(), rest, rest)
         return np.array(torques)[self.model.columns]
+
+    def jacobian(self, places: FloatArray) -> FloatArray:
+        """Return the hand's Jacobian (6, n), for the places of all movable joints, fingers included."""
+        rest = [0.0] * len(places)
+        linear, angular = self.bullet.calculateJacobian(
+            self.body, self.model.tip, self._tip, places.tolist(), rest, rest
+        )
+        return np.array(linear + angular)[:, self.model.columns]
+
+    def manipulability(self, joints: FloatArray) -> float:
+        """Return the product of the singular values of the hand's Jacobian J at joints (n,) [rad].
+
+        It is Yoshikawa's √det(J Jᵀ) for six joints or more, and zero where the hand cannot move in some
+        direction. Metres and radians meet in it, so it compares postures of one arm, not arms.
+        """
+        places = np.zeros(len(self.model.columns) + len(self.model.fingers))
+        places[self.model.columns] = joints
+        return float(np.linalg.svd(self.jacobian(places), compute_uv=False).prod())
 
     def link_names(self) -> list[str]:
         """Return the names of all links but the base, in Bullet's order."""
@@ -128,7 +151,7 @@ class Tracking(NamedTuple):
     """How well the arm can follow the commands.
 
     Attributes:
-        reference: Where the hand should be now, shape (3,), [m].
+        reference: Where the hand should be now, a place (see ``Kinematics``).
         residual: Error of inverse kinematics at the last step, [m].
         refusals: Number of steps in a row, up to the last, without a solution.
         at_limit: Joint, from 0, that was at its limit at the last of these; None if none was.
@@ -149,15 +172,16 @@ class LiveArm(ABC):
 
     Attributes:
         period: Time between two commands, which is one step of Bullet, [s].
+        kinematics: Of a twin of the arm.
         state: Measured after the last period.
         orientation: Orientation of the hand then, q_xyzw in the world.
     """
 
     period: ClassVar[float]
 
-    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
-        """Args: body, which nothing else moves; joints at the start, (n,), [rad], at rest."""
-        self.body = body
+    def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad], at rest; kinematics."""
+        self.body, self.kinematics = body, kinematics
         self.orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
         self._lowest = np.array(body.model.lower) + STOP_MARGIN
         self._highest = np.array(body.model.upper) - STOP_MARGIN
@@ -173,8 +197,8 @@ class LiveArm(ABC):
 
     @property
     def place_now(self) -> FloatArray:
-        """Where the skill takes the arm to be: the position of its hand, shape (3,), [m]."""
-        return self.state.hand
+        """Where the skill takes the arm to be: the place of its hand (see ``Kinematics``)."""
+        return self.kinematics.place(self.state.hand, self.orientation)
 
     @property
     @abstractmethod
@@ -183,10 +207,10 @@ class LiveArm(ABC):
 
     @abstractmethod
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
-        """Let one period pass, in which the hand should move with ``velocity`` (3,) [m/s].
+        """Let one period pass, in which the hand should move with a velocity.
 
         Args:
-            velocity: Velocity asked of the hand.
+            velocity: Velocity asked of the hand, shape (3,), [m/s]; of a taught hand the twist, shape (6,).
             push: Force on the hand during the period, shape (3,), [N].
 
         Returns:

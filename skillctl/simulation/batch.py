@@ -13,7 +13,15 @@ from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
-from skillctl.simulation.episode import OUTCOMES, SUCCESSES, Episode, Metrics, Outcome, RefusedError, thinned
+from skillctl.simulation.episode import (
+    OUTCOMES,
+    SUCCESSES,
+    Episode,
+    Metrics,
+    Outcome,
+    RefusedError,
+    spread_out,
+)
 from skillctl.simulation.options import HandPolicy, Plane
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
@@ -34,9 +42,11 @@ class Trace:
         plane: Plane of a 2-D skill.
         joints, fingers: Its posture at the start, shapes (n,) and (m,).
         path: Positions of the hand, shape (k, 3), [m].
+        turns: Its orientations there, q_xyzw, shape (k, 4), if the skill turns it; else none, shape (0, 4).
         cup: Pose of the cup at the start, (7,); NaN without a cup.
         target: Target of the motion, shape (3,), [m].
         part: Part of a combined skill that acted at the start.
+        avoided: What of the scene the hand keeps out of; see ``Setup``.
     """
 
     arm: ArmModel
@@ -46,9 +56,11 @@ class Trace:
     joints: FloatArray
     fingers: FloatArray
     path: FloatArray
+    turns: FloatArray
     cup: FloatArray
     target: FloatArray
     part: int
+    avoided: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -110,17 +122,17 @@ def run_batch(
         progress("starting", 0, count)
     task = partial(run_row, skill, scenario, starts)
     rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
-    return tuple(
-        row
-        if isinstance(row, Row)
-        else Row(index, drawn(scenario, index, starts), "crashed", "its process died", None, None)
-        for index, row in enumerate(rows)
-    )
+
+    def crashed(index: int) -> Row:
+        lost = drawn(scenario, index, starts, skill.space)
+        return Row(index, lost, "crashed", "its process died", None, None)
+
+    return tuple(row if isinstance(row, Row) else crashed(index) for index, row in enumerate(rows))
 
 
 def run_row(skill: Skill, scenario: Scenario, starts: FloatArray, index: int) -> Row:
     """Return one episode of a batch."""
-    chosen = drawn(scenario, index, starts)
+    chosen = drawn(scenario, index, starts, skill.space)
     try:
         episode = simulate(skill, chosen)
     except RefusedError as refusal:
@@ -133,6 +145,8 @@ def run_row(skill: Skill, scenario: Scenario, starts: FloatArray, index: int) ->
 def _trace(episode: Episode) -> Trace:
     series = episode.series
     approach = series.phases == 0
+    path, turns = series.hand[approach], series.hand_turns[approach]
+    shown = spread_out(path, PATH_SPACING)
     return Trace(
         arm=episode.setup.arm,
         hand=episode.setup.hand,
@@ -140,8 +154,10 @@ def _trace(episode: Episode) -> Trace:
         plane=episode.setup.placement.plane,
         joints=series.joints[0],
         fingers=series.fingers[0],
-        path=thinned(series.hand[approach], PATH_SPACING),
+        path=path[shown],
+        turns=turns[shown] if episode.setup.turns else turns[:0],
         cup=series.cups[0],
         target=episode.target,
         part=int(series.parts[0]),
+        avoided=episode.setup.avoided,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from skillctl.arrays import FloatArray
+from skillctl.rotations import turned
 from skillctl.simulation.camera import Camera, View
 from skillctl.simulation.episode import spread_out
 
@@ -16,6 +17,7 @@ Colour: TypeAlias = tuple[int, int, int]
 
 SEEN, FAINT = 255, 80  # opacity in front of and behind surfaces
 WHITE: Colour = (255, 255, 255)
+AXES: tuple[Colour, ...] = ((205, 45, 45), (40, 140, 60), (45, 85, 205))  # x, y and z of a hand
 SUPERSAMPLING = 4  # the layer is drawn this much larger than shown, for smooth edges
 LINE_SPACING = 2.0  # pixels between the points that a line is drawn through
 SKY_TOP, SKY_LOW = (214, 224, 236), (247, 249, 251)
@@ -71,6 +73,12 @@ class Canvas:
             )
         if not hidden[0]:
             self._disc(pixels[0], 0.5 * width, (*colour, SEEN))  # a round beginning
+
+    def axes(self, point: FloatArray, turn: FloatArray, size: float, width: float) -> None:
+        """Draw the axes of a hand at a point (3,), turned by q_xyzw (4,), ``size`` [m] long."""
+        ends = point + size * turned(np.eye(3), turn)
+        for end, colour in zip(ends, AXES, strict=True):
+            self.line(np.stack([point, end]), colour, width)
 
     def dots(self, points: FloatArray, colour: Colour, radius: float, spacing: float) -> None:
         """Draw a dotted line along points (n, 3)."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, length
+from skillctl.arrays import FloatArray
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.bullet import silenced
@@ -16,7 +16,7 @@ from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.joint_space import within
 from skillctl.simulation.motion import Plan
 from skillctl.simulation.options import HandPolicy
-from skillctl.simulation.prepare import arm_of, prepare
+from skillctl.simulation.prepare import arm_of, prepare, start_of
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import SceneBodies
 
@@ -34,14 +34,17 @@ class Reachability:
         tip, held, notes: The link that is the hand; for an arm by file, joints that do not move and where
             they stay, and what was not taken from the file.
         scale, origin: The placement: workspace = origin [m] + scale · coordinates.
-        start, target: Positions in the workspace, [m]; joints for a skill that moves joints.
+        start, target: Positions in the workspace, [m]; joints for a skill that moves joints; of a pose skill
+            position and rotation vector.
         unit: That of start and target: ``m``, or ``rad``.
         duration: Duration of the ideal motion, [s].
         start_residual, target_residual: Smallest distance of the hand to them, [m].
         path_residual: Largest distance of the hand to the path, [m].
+        start_turn, target_turn, path_turn: The same for the orientation of a taught hand, [rad].
         lost_at: Workspace position where the path cannot be followed any more, [m]; None if it can.
         joint_margin: Smallest distance of a joint to its limit on the path, [rad].
         tightest_joint: The joint with this margin, from 1.
+        manipulability: Smallest one on the path (see ``ArmBody``).
         velocity_ratio: Largest joint velocity of the ideal motion, over the limit. Above 1 the arm slows the
             motion down, on the same path.
         torque_ratio: Largest joint torque that carries the arm at rest on the path, over the limit.
@@ -69,6 +72,10 @@ class Reachability:
     tip: str | None = None
     held: dict[str, float] | None = None
     notes: tuple[str, ...] = ()
+    start_turn: float | None = None
+    target_turn: float | None = None
+    path_turn: float | None = None
+    manipulability: float | None = None
 
 
 def check(skill: Skill, scenario: Scenario) -> Reachability:
@@ -94,7 +101,10 @@ def check(skill: Skill, scenario: Scenario) -> Reachability:
 
 
 class _Way(NamedTuple):
-    """Postures (k, n) along the plan as far as there are any, its ends, and how far the hand is off, [m]."""
+    """Postures (k, n) along the plan as far as there are any, its ends, and how far the hand is off.
+
+    Distances are in [m]; ``turns`` are the angles at the start, at the target and at most on the path, [rad].
+    """
 
     postures: FloatArray
     start: FloatArray
@@ -102,6 +112,7 @@ class _Way(NamedTuple):
     start_residual: float
     target_residual: float
     path_residual: float
+    turns: tuple[float, float, float]
     lost: tuple[float, ...] | None
 
 
@@ -109,22 +120,25 @@ def _by_hand(setup: Setup, kinematics: Kinematics, scenario: Scenario) -> _Way:
     """Follow the plan by inverse kinematics, one control period after the other."""
     plan = setup.plan
     start = plan.positions[0]
-    if scenario.start is not None:
-        start = setup.placement.to_workspace(np.array(scenario.start))
-    start_residual = length(kinematics.forward(setup.joints) - start)
+    if scenario.start is not None and (asked := start_of(setup.placement, kinematics, scenario)) is not None:
+        start = asked
+    off = kinematics.space.difference_at(kinematics.forward(setup.joints), start)
+    start_residual, start_turn = kinematics.space.speeds(off)
+    target = kinematics.search(plan.target)
     solutions = list(kinematics.along(plan.positions[1:], setup.joints))
     lost = None
     if solutions:
         last, whole = solutions[-1], len(solutions) == len(plan.positions) - 1
         if not last.accepted or (whole and last.residual >= scenario.tolerance):
-            lost = tuple(plan.positions[len(solutions)].tolist())
+            lost = tuple(plan.path[len(solutions)].tolist())
     return _Way(
         np.stack([setup.joints, *(each.joints for each in solutions if each.accepted)]),
         start,
         plan.target,
         start_residual,
-        kinematics.search(plan.target).residual,
+        target.residual,
         max([start_residual, *(each.residual for each in solutions)]),
+        (start_turn, target.turn, max([start_turn, *(each.turn for each in solutions)])),
         lost,
     )
 
@@ -134,7 +148,8 @@ def _by_joints(setup: Setup, plan: Plan) -> _Way:
     beyond = np.flatnonzero(~within(plan.positions, setup.arm).all(axis=1))
     count = int(beyond[0]) if beyond.size else len(plan.positions)
     lost = tuple(setup.plan.positions[count].tolist()) if beyond.size else None
-    return _Way(plan.positions[:count], plan.positions[0], plan.target, 0.0, 0.0, 0.0, lost)
+    exact = (0.0, 0.0, 0.0)
+    return _Way(plan.positions[:count], plan.positions[0], plan.target, *exact, exact, lost)
 
 
 def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenario) -> Reachability:
@@ -174,6 +189,10 @@ def _along(setup: Setup, body: ArmBody, kinematics: Kinematics, scenario: Scenar
         tightest_joint=int(margins.min(axis=0).argmin()) + 1 if limited else None,
         velocity_ratio=float(speeds.max(initial=0.0)),
         torque_ratio=float(torques.max()),
+        manipulability=min(map(body.manipulability, sampled)),
+        start_turn=way.turns[0] if setup.turns else None,
+        target_turn=way.turns[1] if setup.turns else None,
+        path_turn=way.turns[2] if setup.turns else None,
     )
 
 

@@ -54,11 +54,13 @@ class Perception:
         sequences = np.random.SeedSequence(scenario.seed).spawn(2)
         self._hand_errors, self._target_errors = map(np.random.default_rng, sequences)
 
-    def hand(self, position: FloatArray) -> FloatArray:
-        """Return the perceived hand position (3,)."""
+    def hand(self, place: FloatArray) -> FloatArray:
+        """Return the perceived place of the hand; its orientation has no error."""
         if not self._noise:
-            return position
-        return position + self._hand_errors.normal(0.0, self._noise, 3)
+            return place
+        seen = place.copy()
+        seen[:3] += self._hand_errors.normal(0.0, self._noise, 3)
+        return seen
 
     def read_target(self) -> FloatArray:
         """Return a new error of the perceived target, shape (3,), [m]; its height has none."""

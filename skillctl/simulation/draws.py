@@ -10,23 +10,21 @@ import numpy as np
 from skillctl.arrays import FloatArray, length
 from skillctl.errors import UsageError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
+from skillctl.model.space import Euclidean, Space
 from skillctl.simulation.clutter import bottles
 from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
 CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
 START_SCATTER, START_SHARE = 0.02, 0.1  # [m]; of the shortest demonstration, if that is less
+TURN_SCATTER = 0.05  # [rad], about three degrees
+POSITIONS = Euclidean.cartesian(3)
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
-Stream: TypeAlias = Literal["cup", "start", "body", "seed", "bottles"]
-STREAMS: tuple[Stream, ...] = (
-    "cup",
-    "start",
-    "body",
-    "seed",
-    "bottles",
-)  # append only: the index seeds a stream
+Stream: TypeAlias = Literal["cup", "start", "body", "seed", "turn", "bottles"]
+STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed", "turn", "bottles")  # append only
 
 
 def chosen(
@@ -48,9 +46,9 @@ def chosen(
     if demo is not None:
         scenario = scenario.changed(start=_start_of(demo, skill, taught, scenario))
     if episode is None:
-        return scenario
+        return _oriented(scenario, _starts(skill, taught), skill.space)
     batch, starts = batch_of(skill, taught, scenario)
-    return drawn(batch, episode, starts)
+    return drawn(batch, episode, starts, skill.space)
 
 
 def _start_of(demo: int, skill: Skill, taught: Taught, scenario: Scenario) -> tuple[float, ...]:
@@ -62,9 +60,10 @@ def _start_of(demo: int, skill: Skill, taught: Taught, scenario: Scenario) -> tu
             f"demonstration {demo} does not exist; the skill carries {len(demonstrations)}, counted from 0.",
             hint="`skillctl inspect` lists them; --start gives a start in numbers.",
         )
-    start, target = demonstrations[demo].positions[0], scenario.target
-    if target is not None and target != "cup" and len(target) == len(start):
-        start = start + (target - skill.attractors[0])
+    space, start, target = skill.space, demonstrations[demo].positions[0], scenario.target
+    if target is not None and target != "cup" and len(target) in space.sizes:
+        goal = retargeted(skill, target).attractors[0]
+        start = space.displace(start, space.difference(goal, skill.attractors[0]))
     return tuple(start.tolist())
 
 
@@ -74,10 +73,24 @@ def _carried(taught: Taught) -> list[Demonstration]:
 
 def batch_of(skill: Skill, taught: Taught, scenario: Scenario) -> tuple[Scenario, FloatArray]:
     """Return a scenario whose sampling is given, and the starts that it may draw from, shape (n, d)."""
-    demonstrations = _carried(taught)
-    starts = np.array([each.positions[0] for each in demonstrations]).reshape(-1, skill.dimension)
-    reaches = [length(each.positions[-1] - each.positions[0]) for each in demonstrations]
-    return with_defaults(scenario, starts, min(reaches, default=0.0)), starts
+    starts, d = _starts(skill, taught), skill.space.positions
+    reaches = [length(each.positions[-1, :d] - each.positions[0, :d]) for each in _carried(taught)]
+    batch = with_defaults(_oriented(scenario, starts, skill.space), starts, min(reaches, default=0.0))
+    return batch, starts
+
+
+def _starts(skill: Skill, taught: Taught) -> FloatArray:
+    """Return the starts of all demonstrations that a skill carries, shape (n, d)."""
+    return np.array([each.positions[0] for each in _carried(taught)]).reshape(-1, skill.dimension)
+
+
+def _oriented(scenario: Scenario, starts: FloatArray, space: Space) -> Scenario:
+    """Return the scenario; a start that is a position only is turned as the nearest demonstrated one."""
+    d, start = space.positions, scenario.start
+    if start is None or len(start) != d or not d < space.dimension or not len(starts):
+        return scenario
+    nearest = starts[np.linalg.norm(starts[:, :d] - start, axis=1).argmin()]
+    return scenario.changed(start=(*start, *nearest[d:].tolist()))
 
 
 def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scenario:
@@ -104,16 +117,18 @@ def with_defaults(scenario: Scenario, starts: FloatArray, reach: float) -> Scena
     return scenario.changed(sampling=Sampling(**changes))
 
 
-def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
+def drawn(scenario: Scenario, episode: int, starts: FloatArray, space: Space = POSITIONS) -> Scenario:
     """Return the scenario of one episode: all is drawn, and nothing is left to draw.
 
     Every quantity has its own generator, made from (seed, episode, quantity). So an episode does not depend
-    on which others are run, and the cups and starts do not depend on whether masses are drawn too.
+    on which others are run, and the cups and starts do not depend on whether masses are drawn too. The hand
+    of a pose skill is turned at a drawn start as at the nearest demonstrated one, within some degrees.
 
     Args:
         scenario: The scenario of the batch.
         episode: Number of the episode, from 0.
         starts: Starts of the skill's demonstrations, shape (n, d); ``start_scatter`` needs them.
+        space: What these are.
 
     Raises:
         UsageError: ``start_scatter``, and the skill carries no demonstrations; an episode below 0.
@@ -137,10 +152,16 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray) -> Scenario:
             changes["obstacles"] = (*scenario.obstacles, *beside)
     box = (sampling.start_x_range, sampling.start_y_range, sampling.start_z_range)
     if sampling.start_scatter is not None:
-        changes["start"] = _near(starts, sampling.start_scatter, generators["start"])
+        positions = starts[:, : space.positions]
+        changes["start"] = _near(positions, sampling.start_scatter, generators["start"])
     elif box[0] is not None:
         changes["start"] = tuple(_between(ends, 0.0, generators["start"]) for ends in box)
-    return scenario.changed(**changes)
+    turned = _oriented(scenario.changed(**changes), starts, space)
+    if space.positions == space.dimension or "start" not in changes or not len(starts):
+        return turned
+    scatter = TURN_SCATTER * generators["turn"].standard_normal(space.dimension)
+    scatter[: space.positions] = 0.0
+    return turned.changed(start=tuple(space.displace(np.array(turned.start), scatter).tolist()))
 
 
 def _cup(cup: Cup, sampling: Sampling, place: np.random.Generator, body: np.random.Generator) -> Cup:

@@ -7,10 +7,11 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, IntArray
+from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
 from skillctl.model.skill import Skill
+from skillctl.rotations import angles, vectors
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import ACCEPTED_RESIDUAL
 from skillctl.simulation.motion import Plan
@@ -36,7 +37,7 @@ Outcome: TypeAlias = Literal[
 ]
 """How an episode ended. The first two are successes:
 
-- ``reached``: the hand stayed within the tolerance of the true target for the settle time;
+- ``reached``: the hand stayed within the tolerances of the true target for the settle time;
 - ``grasped``: the cup was lifted and held, and the arm never touched the scene.
 
 The others are failures:
@@ -81,6 +82,7 @@ class Setup:
         followable: Whether neighbouring joints exist all along the plan.
         duration: Duration of the plan at the speed of the arm's joints, [s].
         joint_plan: The plan in joint angles, for a skill that moves joints; else None.
+        avoided: What of the scene the hand keeps out of, and what not, in a sentence; empty for nothing.
     """
 
     skill: Skill
@@ -93,6 +95,12 @@ class Setup:
     followable: bool
     duration: float
     joint_plan: Plan | None = None
+    avoided: str = ""
+
+    @property
+    def turns(self) -> bool:
+        """Whether the skill turns the hand."""
+        return self.hand == "taught"
 
     @property
     def unit(self) -> Unit:
@@ -118,6 +126,11 @@ class TimeSeries:
         contacts: Number of points at which the arm touched the scene (not the cup), shape (T,).
         clearances: Distance of arm and scene, at most 0.2 m, in every eighth row; NaN in the others, and
             without a scene. Shape (T,), [m].
+        manipulability: That of the posture (see ``ArmBody``), in every eighth row; NaN in the others.
+            Shape (T,).
+        hand_turns: Measured orientation of the hand, q_xyzw, shape (T, 4).
+        reference_turns, target_turns: Orientations asked of a taught hand, and of its target, q_xyzw, shape
+            (T, 4); NaN for other hands.
     """
 
     times: FloatArray
@@ -134,6 +147,10 @@ class TimeSeries:
     cups: FloatArray
     contacts: IntArray
     clearances: FloatArray
+    manipulability: FloatArray
+    hand_turns: FloatArray
+    reference_turns: FloatArray
+    target_turns: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +163,8 @@ class Metrics:
 
     Attributes:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
-        time_to_target: Time from which the hand stayed within the tolerance, or near enough for the fingers
+        final_turn: Angle of a taught hand to the orientation of its target then, [rad].
+        time_to_target: Time from which the hand stayed within the tolerances, or near enough for the fingers
             to close, [s]; NaN if it did not.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
@@ -154,6 +172,7 @@ class Metrics:
         path_ratio: Length of the hand's path over that of the ideal rollout; NaN if the latter is 0.
         clearance: Smallest distance of arm and scene, [m]; negative if they penetrated.
         joint_margin: Smallest distance of any joint to its limit, [rad]; NaN if no joint has limits.
+        manipulability: Smallest one of all postures (see ``ArmBody``).
         velocity_ratio, torque_ratio: Largest measured |q̇| and |τ| over the real arm's limits.
         joint_jump: Largest change of a joint in one control period, [rad].
         ik_residual: Largest inverse-kinematics residual, [m].
@@ -183,6 +202,8 @@ class Metrics:
     cup_moved: float
     cup_rise: float
     grip_width: float
+    final_turn: float
+    manipulability: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -219,7 +240,12 @@ class Episode:
 
 
 def measure(
-    series: TimeSeries, plan: Plan, model: ArmModel, tolerance: float, contacts: tuple[str, ...] = ()
+    series: TimeSeries,
+    plan: Plan,
+    model: ArmModel,
+    tolerance: float,
+    contacts: tuple[str, ...] = (),
+    turn_tolerance: float = np.inf,
 ) -> Metrics:
     """Return the figures of a motion (T ≥ 1 rows) that followed ``plan``.
 
@@ -229,20 +255,25 @@ def measure(
         model: The arm, for its limits.
         tolerance: Distance to the target that counts as reached, [m].
         contacts: Pairs that touched, in words.
+        turn_tolerance: Angle to its orientation that counts as reached, [rad].
     """
     by_skill = series.phases <= PHASES.index("close")
     hand = series.hand[by_skill]
     tracking = np.linalg.norm(hand - series.reference[by_skill], axis=1)
     distances = np.linalg.norm(hand - series.targets[by_skill], axis=1)
+    turns = angles(vectors(series.hand_turns[by_skill]), vectors(series.target_turns[by_skill]))
     margins = np.minimum(series.joints - model.lower, model.upper - series.joints)
-    planned = thinned(plan.positions, SPACING)
-    planned_length = float(path_length(plan.positions))
+    planned = thinned(plan.path, SPACING)
+    planned_length = float(path_length(plan.path))
     cup = series.cups[:, :3]
     open_hand = series.phases == PHASES.index("approach")
     aside = (cup - series.targets)[open_hand]  # without the jumps of the target, which the hand did not cause
     return Metrics(
         final_error=float(distances[-1]),
-        time_to_target=arrival(distances, series.times[by_skill], tolerance),
+        time_to_target=arrival(
+            (distances > tolerance) | (turns > turn_tolerance),  # a NaN is not larger
+            series.times[by_skill],
+        ),
         simulated_time=float(series.times[-1]),
         tracking_median=float(np.median(tracking)),
         tracking_rmse=float(np.sqrt(np.mean(tracking**2))),
@@ -260,6 +291,8 @@ def measure(
         cup_moved=float(np.linalg.norm(aside[-1] - aside[0])),
         cup_rise=float(cup[-1, 2] - cup[0, 2]),
         grip_width=float(series.fingers[-1].sum()) if series.fingers.shape[1] else np.nan,
+        final_turn=float(turns[-1]),
+        manipulability=_smallest(series.manipulability),
     )
 
 
@@ -268,11 +301,11 @@ def _smallest(values: FloatArray) -> float:
     return float(measured.min()) if measured.size else np.nan
 
 
-def arrival(distances: FloatArray, times: FloatArray, tolerance: float) -> float:
-    """Return the time since which the distance (T,) has stayed within the tolerance, NaN if it is outside."""
-    outside = np.flatnonzero(distances > tolerance)
+def arrival(away: BoolArray, times: FloatArray) -> float:
+    """Return the time since which the hand has not been ``away`` (T,) from its target, NaN if it is."""
+    outside = np.flatnonzero(away)
     first = int(outside[-1]) + 1 if outside.size else 0
-    return float(times[first]) if first < len(distances) else np.nan
+    return float(times[first]) if first < len(times) else np.nan
 
 
 def spread_out(points: FloatArray, spacing: float) -> IntArray:

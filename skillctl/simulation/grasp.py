@@ -88,10 +88,10 @@ class Grasping:
         """Move the place where the cup should stand by ``offset`` (3,) [m]."""
         self._standing = self._standing + offset
 
-    def proceed(self, time: float, distance: float) -> None:
-        """Begin the next phase if it is due; ``distance`` is that of the hand to its target, [m]."""
+    def proceed(self, time: float, distance: float, turn: float = 0.0) -> None:
+        """Begin the next phase if it is due; ``distance`` [m] and ``turn`` [rad] are those to the target."""
         plan, elapsed = self._plan, time - self.began
-        if self.phase == "approach" and distance < plan.distance:
+        if self.phase == "approach" and distance < plan.distance and turn < plan.turn:
             self._gripper.close(plan.force, plan.speed)
             self._begin("close", time)
         elif self.phase == "close" and elapsed >= plan.close_time:

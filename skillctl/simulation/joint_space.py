@@ -130,11 +130,11 @@ class JointArm(MotorArm):
 
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
         """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
-        self._kinematics, self.reference = kinematics, joints
+        self.reference = joints
         self._refusals = 0
         self._at_limit: int | None = None
         self.gaps = [0.0]  # distance of the joints to their reference, one a period, [rad]
-        super().__init__(body, joints)
+        super().__init__(body, joints, kinematics)
 
     @property
     def place_now(self) -> FloatArray:
@@ -144,7 +144,7 @@ class JointArm(MotorArm):
     @property
     def tracking(self) -> Tracking:
         """How well the joints follow the reference."""
-        hand = self._kinematics.forward(self.reference)
+        hand = self.kinematics.forward(self.reference)
         return Tracking(hand, 0.0, self._refusals, self._at_limit)
 
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
@@ -154,7 +154,7 @@ class JointArm(MotorArm):
         gap = self.state.joints - self.reference
         pushed = np.where(np.abs(gap) > PUSHED, FEEDBACK_RATE * gap, 0.0)
         wanted = self.reference + CONTROL_PERIOD * np.clip(share * velocity + pushed, -fastest, fastest)
-        goal = np.clip(wanted, self._kinematics.lower, self._kinematics.upper)
+        goal = np.clip(wanted, self.kinematics.lower, self.kinematics.upper)
         blocked = np.flatnonzero(goal != wanted)
         self._refusals = self._refusals + 1 if blocked.size else 0
         self._at_limit = int(blocked[0]) if blocked.size else None
@@ -185,7 +185,7 @@ def joint_metrics(
     return replace(
         metrics,
         final_error=float(distances[-1]),
-        time_to_target=arrival(distances, series.times, tolerance),
+        time_to_target=arrival(distances > tolerance, series.times),
         tracking_median=float(np.median(gaps)),
         tracking_rmse=float(np.sqrt(np.mean(np.square(gaps)))),
         tracking_p95=float(np.percentile(gaps, 95)),

@@ -26,11 +26,19 @@ class Verdict:
     detail: str = ""
 
 
-def apart(distance: float, unit: Unit, *, fine: bool = False) -> str:
-    """Return how far the arm was from its target, in words; ``fine``: metres in millimetres."""
+def apart(distance: float, unit: Unit, *, fine: bool = False, turn: float = 0.0) -> str:
+    """Return how far the arm was from its target, in words.
+
+    Args:
+        distance: In the unit.
+        unit: Metres, or radians of joints.
+        fine: Give metres in millimetres.
+        turn: Angle to the target's orientation, [rad]; zero is not mentioned.
+    """
     if unit == "rad":
         return f"the joints were {distance:.2f} rad from their target"
-    return f"the hand was {f'{1e3 * distance:.0f} mm' if fine else f'{distance:.2f} m'} from its target"
+    away = f"{1e3 * distance:.0f} mm" if fine else f"{distance:.2f} m"
+    return f"the hand was {away}{f' and {math.degrees(turn):.0f}°' if turn else ''} from its target"
 
 
 class Judge:
@@ -45,10 +53,11 @@ class Judge:
     ) -> None:
         """Args: plan of the motion, without disturbances; scenario; control period, [s]; unit of the plan."""
         self._unit = unit
-        distances = np.linalg.norm(plan.positions - plan.target, axis=1)
+        n = len(plan.target) if unit == "rad" else 3
+        distances = np.linalg.norm(plan.positions[:, :n] - plan.target[:n], axis=1)
         planned = distances.max() if plan.arrived else distances[0]
         self.farthest = DIVERGED_FACTOR * float(planned) + DIVERGED_ROOM + jumped(scenario.disturbances)
-        self._tolerance = scenario.tolerance
+        self._tolerance, self._turn_tolerance = scenario.tolerance, scenario.turn_tolerance
         self._settle_steps = math.ceil(scenario.settle_time / period)
         self._refusals = math.ceil(UNREACHABLE_TIME / period)
         self._near_true, self._near_seen = 0, 0  # control periods within the tolerance so far, in a row
@@ -78,13 +87,15 @@ class Judge:
 
         Args:
             motion: The motion, towards the perceived target.
-            hand: Position of the hand, shape (3,), [m].
-            seen_off: Offset of the perceived target from the true one, shape (3,), [m].
+            hand: Place of the hand.
+            seen_off: Offset of the perceived target from the true one, of the shape of a place.
         """
         seen = motion.target(hand)
-        off = length(hand - (seen - seen_off))
-        self._near_true = self._near_true + 1 if off < self._tolerance else 0
-        self._near_seen = self._near_seen + 1 if length(hand - seen) < self._tolerance else 0
+        off, turn = motion.gap(hand, seen - seen_off)
+        turned = turn < self._turn_tolerance
+        self._near_true = self._near_true + 1 if turned and off < self._tolerance else 0
+        near_seen = turned and motion.gap(hand, seen)[0] < self._tolerance
+        self._near_seen = self._near_seen + 1 if near_seen else 0
         if self._near_true > self._settle_steps:
             return Verdict("reached")
         if self._near_seen > self._settle_steps and length(seen_off) >= self._tolerance:

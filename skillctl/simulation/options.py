@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -12,7 +11,7 @@ from skillctl.simulation.arms import ARMS
 Plane: TypeAlias = Literal["xy", "xz", "yz"]
 Board: TypeAlias = Literal["top", "bottom"]
 Control: TypeAlias = Literal["position", "torque"]
-HandPolicy: TypeAlias = Literal["horizontal", "down", "free"]
+HandPolicy: TypeAlias = Literal["horizontal", "down", "free", "taught"]
 
 BOARDS: tuple[Board, ...] = get_args(Board)
 
@@ -58,14 +57,19 @@ def read_push(text: str) -> dict[str, Any]:
     return {"kind": "push", "time": time, "duration": duration, "force": force}
 
 
-def _jump(kind: str) -> Callable[[str], dict[str, Any]]:
-    """Return a reader of ``T,DX,DY,DZ``."""
+def read_jump(text: str) -> dict[str, Any]:
+    """Read ``T,DX,DY,DZ`` of the target, or raise ValueError."""
+    time, *offset = _numbers(text, 4)
+    return {"kind": "move-target", "time": time, "offset": offset}
 
-    def read(text: str) -> dict[str, Any]:
-        time, *offset = _numbers(text, 4)
-        return {"kind": kind, "time": time, "offset": offset}
 
-    return read
+def read_displacement(text: str) -> dict[str, Any]:
+    """Read ``T,DX,DY,DZ`` or ``T,DX,DY,DZ,RX,RY,RZ``, or raise ValueError."""
+    numbers = read_numbers(text)
+    turn = numbers[4:] if len(numbers) == 7 else (0.0, 0.0, 0.0)
+    if len(numbers) not in (4, 7):
+        raise ValueError(f"expected 4 or 7 numbers, got {len(numbers)}: {text!r}.")
+    return {"kind": "displace", "time": numbers[0], "offset": numbers[1:4], "turn": turn}
 
 
 def _titles() -> str:
@@ -108,19 +112,26 @@ class ScenarioOptions:
     )
     start: tuple[float, ...] | str | None = option(
         read=read_start,
-        metavar="home|X,Y,Z",
+        metavar="home|X,Y,Z[,QX,QY,QZ,QW]",
         group=MOTION,
         help="Start, in the skill's coordinates. Default: home, the ready posture of the arm; in a scene, "
-        "a place in front of it.",
+        "a place in front of it. For a pose skill, X,Y,Z is turned as the nearest demonstrated start.",
     )
     target: tuple[float, ...] | str | None = option(
         read=read_target,
-        metavar="X,Y,Z|cup",
+        metavar="X,Y,Z[,QX,QY,QZ,QW]|cup",
         group=MOTION,
-        help="Target of the motion, in the skill's coordinates; cup: the middle of the cup.",
+        help="Target of the motion, in the skill's coordinates; cup: the middle of the cup. A pose skill "
+        "keeps the orientation of its target with cup and X,Y,Z.",
     )
     max_speed: float | None = option(
         name="speed", metavar="M/S", group=MOTION, help="Largest speed of the hand. Default: 0.3."
+    )
+    max_turn: float | None = option(
+        name="turn-speed",
+        metavar="RAD/S",
+        group=MOTION,
+        help="Largest turning speed of the hand of a pose skill. Default: 1.5.",
     )
     control: Control | None = option(
         group=MOTION,
@@ -145,7 +156,8 @@ class ScenarioOptions:
         "in front of the arm.",
     )
     hand: HandPolicy | None = option(
-        group=PLACING, help="Orientation of the hand. Default: the first that works."
+        group=PLACING,
+        help="Orientation of the hand. Default: the first that works; for a pose skill as taught.",
     )
     scene: Literal["none", "table", "shelf"] | None = option(
         group=SCENE, help="Furniture in front of the arm. Default: none."
@@ -155,6 +167,11 @@ class ScenarioOptions:
         metavar="X,Y[,top|bottom]",
         group=SCENE,
         help="Place of the cup to grasp, and its board.",
+    )
+    avoid: bool | None = option(
+        name="avoid/--no-avoid",
+        group=SCENE,
+        help="Keep the hand out of scene and obstacles. Default: yes, for a skill in three dimensions.",
     )
     push: tuple[dict[str, Any], ...] = option(
         (),
@@ -166,7 +183,7 @@ class ScenarioOptions:
     )
     move_target: tuple[dict[str, Any], ...] = option(
         (),
-        read=_jump("move-target"),
+        read=read_jump,
         repeated=True,
         metavar="T,DX,DY,DZ",
         group=TROUBLE,
@@ -174,11 +191,11 @@ class ScenarioOptions:
     )
     displace: tuple[dict[str, Any], ...] = option(
         (),
-        read=_jump("displace"),
+        read=read_displacement,
         repeated=True,
-        metavar="T,DX,DY,DZ",
+        metavar="T,DX,DY,DZ[,RX,RY,RZ]",
         group=TROUBLE,
-        help="Displace the hand at time T.",
+        help="Displace the hand at time T; of a pose skill also turn it, by a rotation vector, rad.",
     )
     noise: float | None = option(
         metavar="M", group=TROUBLE, help="Standard deviation of the measured position of the hand."

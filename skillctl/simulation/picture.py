@@ -17,7 +17,7 @@ from skillctl.simulation.batch import Row, Trace
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.camera import Camera
 from skillctl.simulation.canvas import SUPERSAMPLING, Canvas, Colour, under_sky
-from skillctl.simulation.episode import PHASES, Episode
+from skillctl.simulation.episode import PHASES, Episode, spread_out
 from skillctl.simulation.options import Plane
 from skillctl.simulation.stage import Stage
 
@@ -43,6 +43,7 @@ PARTS: tuple[Colour, ...] = (
     (60, 60, 140),
 )  # readers with any colour vision can distinguish these
 PALENESS = 0.6  # of the cups in an overview, so that lines of the same colour stand out
+AXES_SPACING, AXES_SIZE = 0.08, 0.035  # [m], of the hand's axes along a path
 NEIGHBOURHOOD = 0.15  # [m]: the scene this far around the motions has to be in an overview
 
 # Directions from the motion to the camera, for a base that faces +x; planes are not mirrored.
@@ -61,7 +62,8 @@ def encode_picture(episode: Episode, *, title: str = "") -> bytes:
     """Return the contact sheet of an episode as a PNG file; equal episodes give equal bytes.
 
     The solid line is the path of the hand, the dots are the ideal rollout, the ring is the target. Parts
-    behind a surface are faint. Frames are at equal parts of the path, not of the time.
+    behind a surface are faint. Frames are at equal parts of the path, not of the time. A hand that is turned
+    by the skill has its axes along the path, and so has its target: x red, y green, z, the approach, blue.
     """
     size = COLUMNS * (TILE[0] + GUTTER) + GUTTER, HEADER + ROWS * (TILE[1] + GUTTER)
     sheet = Image.new("RGB", size, PAPER)
@@ -87,7 +89,8 @@ def encode_overview(
     """Return all episodes in one picture, as a PNG file; equal batches give equal bytes.
 
     The arm has its posture at the start of the first episode. Each line is the path of a hand to its cup or
-    target, with a dot at its start, and a cross at its end if the episode failed.
+    target, with a dot at its start, and a cross at its end if the episode failed. A hand that is turned by
+    the skill has its axes along the path, as in ``encode_picture``.
 
     Args:
         rows: The episodes; those that could not begin are counted, but not drawn.
@@ -131,7 +134,7 @@ class Scenery(Stage):
         for row in rows:
             self._show_row(row)
             extents.append(self.arm_extent())
-        points = np.vstack([series.hand, setup.plan.positions, series.targets, self.corners, *extents])
+        points = np.vstack([series.hand, setup.plan.path, series.targets, self.corners, *extents])
         towards = _direction(setup.placement.plane, setup.base_yaw)
         if scenario.scene is not None:
             towards = np.array(SCENE_DIRECTION)
@@ -147,8 +150,11 @@ class Scenery(Stage):
     def _drawn(self, canvas: Canvas, row: int) -> Image.Image:
         """Draw the motion of a moment over a picture of it."""
         episode, series = self._episode, self._episode.series
-        canvas.dots(episode.setup.plan.positions, PLAN, radius=0.9, spacing=7.0)
+        canvas.dots(episode.setup.plan.path, PLAN, radius=0.9, spacing=7.0)
         canvas.line(series.hand[: row + 1], TRAIL, width=3.0)
+        if episode.setup.turns:
+            _draw_axes(canvas, series.hand[: row + 1], series.hand_turns, width=2.0)
+            canvas.axes(series.targets[row], series.target_turns[row], AXES_SIZE, width=2.0)
         canvas.ring(series.targets[row], TARGET, radius=9.0)
         canvas.disc(series.hand[row], TRAIL, radius=4.0)
         tile = canvas.image()
@@ -163,6 +169,12 @@ class Scenery(Stage):
         self.show(series.joints[row], series.fingers[row])
         if self._cup is not None:
             self.put(self._cup, series.cups[row])
+
+
+def _draw_axes(canvas: Canvas, path: FloatArray, turns: FloatArray, width: float) -> None:
+    """Draw the axes of a hand along its path (k, 3), with its orientations q_xyzw (k or more, 4)."""
+    for row in spread_out(path, AXES_SPACING).tolist():
+        canvas.axes(path[row], turns[row], AXES_SIZE, width)
 
 
 def _moments(episode: Episode) -> list[int]:
@@ -194,6 +206,8 @@ def _verdict(episode: Episode) -> str:
     metrics = episode.metrics
     error = metrics.final_error
     missed = _length(error) if episode.setup.unit == "m" else f"{math.degrees(error):.2f}°"
+    if episode.setup.turns:
+        missed += f" and {math.degrees(metrics.final_turn):.1f}°"
     match episode.outcome:
         case "reached":
             return f"target reached after {metrics.time_to_target:.1f} s, {missed} off"
@@ -229,6 +243,8 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
         canvas = Canvas(under_sky(view, stage.floor), camera, OVERVIEW)
     for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
+        if len(trace.turns):
+            _draw_axes(canvas, trace.path, trace.turns, width=1.2)
     for row, trace in visible:
         canvas.disc(trace.path[0], _colour(row, trace, colour_by), radius=3.0)
         if scene is None:

@@ -29,6 +29,8 @@ PREVIEW_DURATION, PREVIEW_PERIOD = 20.0, 0.02  # [s], of the rollout that shows 
 class Placement:
     """The similarity x = origin + scale · axes · ξ from a skill's states ξ to workspace positions x [m].
 
+    Poses are placed by their positions; their orientations stay, as last three numbers of a pose (…, 6).
+
     Attributes:
         axes: Workspace direction of each of the skill's coordinates, orthonormal. Shape (3, d).
         origin: Workspace position of ξ = 0. Shape (3,), [m].
@@ -42,24 +44,33 @@ class Placement:
     plane: Plane | None
 
     def to_workspace(self, states: FloatArray) -> FloatArray:
-        """Return the positions (…, 3) of states (…, d)."""
-        return np.asarray(self.origin + self.scale * states @ self.axes.T)
+        """Return the positions (…, 3), or poses, of states (…, d)."""
+        states, turns = self._split(states)
+        return np.concatenate([self.origin + self.scale * states @ self.axes.T, turns], axis=-1)
 
     def to_state(self, positions: FloatArray) -> FloatArray:
-        """Return the states (…, d) of positions (…, 3), seen along the plane's normal for a 2-D skill."""
-        return np.asarray((positions - self.origin) @ self.axes / self.scale)
+        """Return the states (…, d) of positions (…, 3), along the plane's normal in 2-D, or poses."""
+        n = len(self.origin)
+        positions, turns = positions[..., :n], positions[..., n:]
+        return np.concatenate([(positions - self.origin) @ self.axes / self.scale, turns], axis=-1)
 
     def lift(self, velocity: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the hand's velocity (3,) for a skill's velocity (d,) at a workspace position (3,).
+        """Return the hand's velocity (3,) for a skill's velocity (d,) at a workspace position (3,); or twist.
 
         Outside the plane of a 2-D skill, a velocity towards the plane is added. It depends only on the
         distance to the plane, which decays exponentially; the skill's own convergence is not changed.
         """
         if self.plane is None:
-            return np.asarray(self.scale * self.axes @ velocity)
+            velocity, turning = self._split(velocity)
+            return np.concatenate([self.scale * self.axes @ velocity, turning])
         offset = position - self.origin
         outside = offset - self.axes @ (self.axes.T @ offset)
         return np.asarray(self.scale * self.axes @ velocity - PLANE_RATE * outside)
+
+    def _split(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and orientations of states (…, d), or the velocities of both."""
+        d = self.axes.shape[1]
+        return states[..., :d], states[..., d:]
 
 
 def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placement]:
@@ -68,7 +79,7 @@ def placements(skill: Skill, model: ArmModel, scenario: Scenario) -> list[Placem
     Raises:
         UsageError: The skill's states are not positions in two or three dimensions, in metres.
     """
-    d = skill.dimension
+    d = skill.space.positions
     if skill.space.unit != "m" or d not in (2, 3):
         raise UsageError(
             f"a skill with {d} coordinate{'s' if d > 1 else ''} in {skill.space.unit} cannot be placed in "

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, length
+from skillctl.arrays import FloatArray
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody, LiveArm, Tracking
 from skillctl.simulation.ik import Kinematics
 
-FEEDBACK_GAP = 0.01  # [m]: a hand this far from its reference was pushed, and the reference moves towards it
+# [m], [rad]: a hand this far from its reference was pushed, and the reference moves towards it
+FEEDBACK_GAP, FEEDBACK_TURN = 0.01, 0.05
 FEEDBACK_RATE = 3.0  # [1/s]
 POSITION_GAIN, VELOCITY_GAIN = 0.1, 1.0  # of Bullet's position motors; 0.03 to 0.6 track alike
 
@@ -33,20 +34,27 @@ class Follower:
         self.tracking = Tracking(self._kinematics.forward(joints))
 
     def advance(self, velocity: FloatArray, hand: FloatArray) -> float:
-        """Advance by one period and return the share of the velocity (3,) that the joints allowed."""
-        reference, _, refusals, _ = self.tracking
-        gap = hand - reference
-        if length(gap) > FEEDBACK_GAP:
+        """Advance by one period and return the share of the velocity that the joints allowed.
+
+        Args:
+            velocity: Shape (3,), or a twist (6,); see ``LiveArm``.
+            hand: The measured place of the hand.
+        """
+        space, (reference, _, refusals, _) = self._kinematics.space, self.tracking
+        gap = space.difference_at(hand, reference)
+        moved, turned = space.speeds(gap)
+        if moved > FEEDBACK_GAP or turned > FEEDBACK_TURN:
             velocity = velocity + FEEDBACK_RATE * gap
         step = CONTROL_PERIOD * velocity
-        solution = self._kinematics.follow(reference + step, self.joints)
+        goal = space.displace(reference, step)
+        solution = self._kinematics.follow(goal, self.joints)
         if not solution.accepted:  # the joints stop; the reference goes on and may become reachable again
             limiting = self._limiting(solution.joints)
-            self.tracking = Tracking(reference + step, solution.residual, refusals + 1, limiting)
+            self.tracking = Tracking(goal, solution.residual, refusals + 1, limiting)
             return 1.0
         joint_step = solution.joints - self.joints
         share = 1.0 / max(1.0, float((np.abs(joint_step) / self._largest_step).max()))
-        self.tracking = Tracking(reference + share * step, solution.residual)
+        self.tracking = Tracking(space.displace(reference, share * step), solution.residual)
         self.joints = self.joints + share * joint_step
         return share
 
@@ -66,9 +74,9 @@ class MotorArm(LiveArm):
 
     period = CONTROL_PERIOD
 
-    def __init__(self, body: ArmBody, joints: FloatArray) -> None:
-        """Args: body, which nothing else moves; joints at the start, (n,), [rad]."""
-        super().__init__(body, joints)
+    def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
+        """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
+        super().__init__(body, joints, kinematics)
         n = body.model.n_joints
         self._motors = {
             "forces": list(body.model.max_torque),
@@ -100,7 +108,7 @@ class PositionArm(MotorArm):
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
         """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
         self._follower = Follower(kinematics, joints)
-        super().__init__(body, joints)
+        super().__init__(body, joints, kinematics)
 
     @property
     def tracking(self) -> Tracking:
@@ -110,7 +118,7 @@ class PositionArm(MotorArm):
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
         """Let one period pass: see ``LiveArm``."""
         joints = self._follower.joints
-        share = self._follower.advance(velocity, self.state.hand)
+        share = self._follower.advance(velocity, self.place_now)
         self.turn(joints, self._follower.joints, push)
         return share
 

@@ -13,6 +13,7 @@ from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
+from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import Kinematics, Solution
@@ -21,13 +22,13 @@ from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
 from skillctl.simulation.options import HandPolicy
 from skillctl.simulation.placement import Placement, placements
-from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scenario import Displace, Scenario
 from skillctl.simulation.scene import board_height, cup_middle
 from skillctl.simulation.urdf import find_arm
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
 TABLE_HANDS: tuple[HandPolicy, ...] = ("down", "horizontal", "free")
-REHEARSAL_RESIDUAL = 1e-3  # [m]: stricter than on the way, so that tracking stays good
+REHEARSAL_RESIDUAL, REHEARSAL_TURN = 1e-3, 0.02  # [m], [rad]: stricter than on the way, to track well
 START_BEFORE, START_ABOVE = 0.10, 0.13  # [m], of a scene's front edge and lowest board
 REHEARSAL_STRIDE = 8  # control periods: at most 1 cm at the default speed
 
@@ -48,8 +49,8 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     if moves_joints(skill):
         return joint_setup(skill, model, scenario)
     require_gripper(model, scenario)
-    if scenario.start is not None and len(scenario.start) != skill.dimension:
-        raise UsageError(f"start: expected {skill.dimension} numbers, got {len(scenario.start)}.")
+    _require_start(skill, scenario)
+    _require_hand(skill, scenario)
     if isinstance(scenario.target, tuple):
         skill = retargeted(skill, scenario.target)
     fallback: Setup | None = None
@@ -59,15 +60,27 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
             moved = retargeted(skill, placement.to_state(cup_middle(scenario)))
         base_yaw = _base_yaw(moved, placement, scenario)
         with ArmBody(model, base_yaw, shapes="none") as body:
-            for hand in _hands(placement, scenario):
+            for hand in _hands(skill, placement, scenario):
                 kinematics = Kinematics(body, hand, base_yaw)
                 try:
-                    joints, plan = _start_and_plan(moved, placement, kinematics, scenario)
+                    avoid = avoidance(scenario, placement, kinematics)
+                    joints, plan = _start_and_plan(moved, placement, kinematics, scenario, avoid)
                 except RefusedError as error:
                     refusal = error
                     continue
                 followable, duration = _rehearsed(kinematics, joints, plan)
-                setup = Setup(moved, model, placement, hand, base_yaw, joints, plan, followable, duration)
+                setup = Setup(
+                    moved,
+                    model,
+                    placement,
+                    hand,
+                    base_yaw,
+                    joints,
+                    plan,
+                    followable,
+                    duration,
+                    avoided=avoid.said(moved) if avoid else "",
+                )
                 if followable:
                     return setup
                 fallback = fallback or setup
@@ -81,7 +94,36 @@ def arm_of(scenario: Scenario) -> ArmModel:
     return find_arm(scenario.arm, scenario.tip, scenario.home, tuple(scenario.hold.items()))
 
 
-def _hands(placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
+def _require_start(skill: Skill, scenario: Scenario) -> None:
+    sizes = skill.space.sizes
+    if scenario.start is not None and len(scenario.start) not in sizes:
+        numbers = " or ".join(map(str, sizes))
+        raise UsageError(f"start: expected {numbers} numbers, got {len(scenario.start)}.")
+
+
+def _require_hand(skill: Skill, scenario: Scenario) -> None:
+    if _turns(skill):
+        if scenario.hand not in (None, "taught"):
+            raise UsageError(
+                f"hand: this skill turns the hand as taught, not {scenario.hand}.", hint="Leave it out."
+            )
+    elif scenario.hand == "taught":
+        raise UsageError(
+            "hand: this skill was taught positions only.",
+            hint="Leave it out, or learn the skill from demonstrations with orientations.",
+        )
+    elif any(isinstance(event, Displace) and any(event.turn) for event in scenario.disturbances):
+        raise UsageError("displace: only a skill that was taught orientations can have its hand turned.")
+
+
+def _turns(skill: Skill) -> bool:
+    """Return whether a skill of hands turns the hand."""
+    return skill.space.positions < skill.dimension
+
+
+def _hands(skill: Skill, placement: Placement, scenario: Scenario) -> Sequence[HandPolicy]:
+    if _turns(skill):
+        return ("taught",)
     if scenario.hand is not None:
         return (scenario.hand,)
     if scenario.cup is not None:
@@ -95,40 +137,49 @@ def _base_yaw(skill: Skill, placement: Placement, scenario: Scenario) -> float:
         return scenario.base_yaw
     if scenario.scene is not None:
         return 0.0
-    x, y, _ = placement.to_workspace(skill.attractors).mean(axis=0)
+    x, y = placement.to_workspace(skill.attractors).mean(axis=0)[:2]
     return round(math.atan2(y, x) / (math.pi / 2)) * (math.pi / 2)
 
 
 def _start_and_plan(
-    skill: Skill, placement: Placement, kinematics: Kinematics, scenario: Scenario
+    skill: Skill,
+    placement: Placement,
+    kinematics: Kinematics,
+    scenario: Scenario,
+    avoid: Avoidance | None,
 ) -> tuple[FloatArray, Plan]:
-    joints, point = kinematics.home, _start(placement, scenario)
-    if point is not None:
-        joints = _required("start", point, kinematics.search(point), scenario)
-    plan = plan_motion(skill, placement, scenario, kinematics.forward(joints))
+    joints, place = kinematics.home, start_of(placement, kinematics, scenario)
+    if place is not None:
+        joints = _required("start", place, kinematics.search(place), scenario)
+    plan = plan_motion(skill, placement, scenario, kinematics.forward(joints), avoid=avoid)
     _required("target", plan.target, kinematics.search(plan.target), scenario)
     return joints, plan
 
 
-def _start(placement: Placement, scenario: Scenario) -> FloatArray | None:
-    """Return the workspace position (3,) of the start; None for the ready posture."""
+def start_of(placement: Placement, kinematics: Kinematics, scenario: Scenario) -> FloatArray | None:
+    """Return the place of the hand at the start; None for the ready posture."""
     if scenario.start is not None:
-        return placement.to_workspace(np.array(scenario.start))
+        start = np.array(scenario.start)
+        if len(start) > 3:
+            return placement.to_workspace(kinematics.space.measured(start))
+        return kinematics.at(placement.to_workspace(start))
     if scenario.scene is None:
         return None
     lowest = board_height(scenario.scene, "bottom")
-    return np.array([scenario.scene.x_range[0] - START_BEFORE, 0.0, lowest + START_ABOVE])
+    return kinematics.at(np.array([scenario.scene.x_range[0] - START_BEFORE, 0.0, lowest + START_ABOVE]))
 
 
-def _required(name: str, point: FloatArray, solution: Solution, scenario: Scenario) -> FloatArray:
+def _required(name: str, place: FloatArray, solution: Solution, scenario: Scenario) -> FloatArray:
     if solution.accepted:
         return solution.joints
-    (x, y, z), missed = point, 1e3 * solution.residual
+    (x, y, z), missed = place[:3], f"{1e3 * solution.residual:.0f} mm"
+    if len(place) > 3:
+        missed += f" and {math.degrees(solution.turn):.0f}°"
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(
         "unreachable",
         f"unreachable: no posture of the {scenario.arm} arm was found for the {name} "
-        f"({x:.3f}, {y:.3f}, {z:.3f}) m; the closest leaves the hand {missed:.0f} mm away.",
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m; the closest leaves the hand {missed} away.",
         hint=f"Choose another --{option}, or move the whole skill with --origin.",
     )
 
@@ -142,7 +193,9 @@ def _rehearsed(kinematics: Kinematics, joints: FloatArray, plan: Plan) -> tuple[
     fastest = COMMANDED_SHARE * np.array(kinematics.model.max_velocity)
     duration = plan.duration
     for solution in kinematics.along(rehearsed, joints):
-        if not (solution.accepted and solution.residual < REHEARSAL_RESIDUAL):
+        if not (
+            solution.accepted and solution.residual < REHEARSAL_RESIDUAL and solution.turn < REHEARSAL_TURN
+        ):
             return False, plan.duration
         needed = float((np.abs(solution.joints - joints) / fastest).max())
         duration += max(0.0, needed - REHEARSAL_STRIDE * CONTROL_PERIOD)

@@ -9,12 +9,13 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.rotations import quaternions
 from skillctl.simulation.arm import CONTROL_PERIOD, LiveArm
 from skillctl.simulation.episode import PHASES, Episode, Phase, TimeSeries
 from skillctl.simulation.scene import Contact, SceneBodies
 
 LogFormat: TypeAlias = Literal["csv", "h5"]
-CLEARANCE_ROWS = 8  # the distance to the scene is measured every so many rows
+MEASURED_ROWS = 8  # the distance to the scene and the manipulability are measured every so many rows
 LOG_ENDINGS: dict[str, LogFormat] = {".csv": "csv", ".h5": "h5", ".hdf5": "h5"}
 
 
@@ -35,20 +36,24 @@ class Recorder:
         return tuple(self._touched)
 
     def add(self, time: float, part: int, phase: Phase, target: FloatArray, contacts: list[Contact]) -> None:
-        """Add a moment; the arguments are those of ``TimeSeries``."""
+        """Add a moment; the arguments are those of ``TimeSeries``, the target as a place of the hand."""
         for contact in contacts:
             self._touched.setdefault(f"{contact.link} - {contact.thing}")
         if time - self._last < CONTROL_PERIOD - 1e-9:
             return
         self._last = time
         state, tracking = self._arm.state, self._arm.tracking
-        clearance = self._scene.clearance() if len(self._rows) % CLEARANCE_ROWS == 0 else np.nan
+        clearance, manipulability = np.nan, np.nan
+        if len(self._rows) % MEASURED_ROWS == 0:
+            clearance = self._scene.clearance()
+            manipulability = self._arm.body.manipulability(state.joints)
         with_scene = sum(contact.thing != "cup" for contact in contacts)
         self._rows.append(
             (
-                *(time, tracking.reference, state.hand, state.joints, state.velocities, state.torques),
-                *(tracking.residual, part, PHASES.index(phase), target),
-                *(self._openings(), self._scene.cup_pose(), with_scene, clearance),
+                *(time, tracking.reference[:3], state.hand, state.joints, state.velocities, state.torques),
+                *(tracking.residual, part, PHASES.index(phase), target[:3]),
+                *(self._openings(), self._scene.cup_pose(), with_scene, clearance, manipulability),
+                *(np.array(self._arm.orientation), turn_of(tracking.reference), turn_of(target)),
             )
         )
 
@@ -61,6 +66,11 @@ class Recorder:
     def series(self) -> TimeSeries:
         """Return all rows."""
         return TimeSeries(*(np.array(column) for column in zip(*self._rows, strict=True)))
+
+
+def turn_of(place: FloatArray) -> FloatArray:
+    """Return the orientation q_xyzw (4,) at a place of the hand; NaN if it is a position only."""
+    return quaternions(place[3:]) if len(place) > 3 else np.full(4, np.nan)
 
 
 def log_format(name: str) -> LogFormat:
@@ -84,7 +94,8 @@ def encode_log(episode: Episode, kind: LogFormat = "csv") -> bytes:
     from 0; ``phase``: approach, close, lift or hold; ``target_x target_y target_z`` [m]; ``finger1 …
     fingerm`` [m]; with a cup ``cup_x cup_y cup_z`` [m] and ``cup_qx cup_qy cup_qz cup_qw``; with a scene
     ``contacts``, the number of points at which the arm touched it, and ``clearance`` [m], nan where it was
-    not measured. Positions are in the frame whose origin is the arm's base.
+    not measured; for a skill of poses the orientations of reference, hand and target, ``ref_qx … ref_qw``,
+    ``hand_qx …`` and ``target_qx …``. Positions are in the frame whose origin is the arm's base.
 
     An HDF5 log has one dataset per column, of the same name and content; phases are ASCII.
     """
@@ -114,6 +125,10 @@ def _columns(episode: Episode) -> dict[str, np.ndarray[Any, Any]]:
         add(["cup_x", "cup_y", "cup_z", "cup_qx", "cup_qy", "cup_qz", "cup_qw"], series.cups)
     if episode.scenario.furnished:
         columns["contacts"], columns["clearance"] = series.contacts, series.clearances
+    if episode.setup.turns:
+        for name in ("reference", "hand", "target"):
+            short = "ref" if name == "reference" else name
+            add([f"{short}_q{axis}" for axis in "xyzw"], getattr(series, f"{name}_turns"))
     return columns
 
 

@@ -7,10 +7,11 @@ import time
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, length
+from skillctl.arrays import FloatArray
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
 from skillctl.simulation.episode import Episode, Outcome, Phase, RefusedError, Setup, measure
@@ -31,7 +32,7 @@ from skillctl.simulation.torque import TorqueArm
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the duration that the joints allow; [s]
 PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
-DISPLACED_STEP = 0.01  # [m], in which inverse kinematics follows a displaced hand
+DISPLACED_STEP, TURNED_STEP = 0.01, 0.05  # [m], [rad], in which inverse kinematics follows a displaced hand
 
 CONTROLLED: dict[Control, type[PositionArm] | type[TorqueArm]] = {
     "position": PositionArm,
@@ -44,15 +45,15 @@ def simulate(
 ) -> Episode:
     """Return the episode in which a simulated arm moves its hand with the velocity of a skill.
 
-    Every control period takes the skill's velocity at the *measured* hand position. Under position control
+    Every control period takes the skill's velocity where the hand is *measured*. Under position control
     a reference moves with it, which the arm's position motors follow. Equal arguments give equal results,
     bit for bit, in any process on the same machine and build. A success shows that the arm's workspace,
     speed and torque allow the motion, and that it touches nothing of the scene. It does not show that the
     arm avoids other obstacles, or itself.
 
     Args:
-        skill: Any skill over hand positions in two or three dimensions, or over the angles of the
-            arm's joints.
+        skill: Any skill over hand positions in two or three dimensions, over hand poses, or over the angles
+            of the arm's joints.
         scenario: Arm, placement, scene, start, target, limits, disturbances.
         progress: Called every tenth of a simulated second, with milliseconds simulated and at most.
         gui: Show it in a window, in real time.
@@ -74,7 +75,8 @@ def simulate(
             run = _Run(setup, scenario, twin, body)
             verdict = run.drive(progress, Pace() if gui else None)
     series = run.recorder.series()
-    metrics = measure(series, setup.plan, setup.arm, _near(scenario), run.recorder.touched)
+    tolerance, turn_tolerance = _near(scenario)
+    metrics = measure(series, setup.plan, setup.arm, tolerance, run.recorder.touched, turn_tolerance)
     if isinstance(run.arm, JointArm):
         metrics = joint_metrics(
             metrics, series, run.motion.target(run.arm.place_now), run.arm.gaps, scenario.tolerance
@@ -90,11 +92,12 @@ def simulate(
     )
 
 
-def _near(scenario: Scenario) -> float:
-    """Return the distance at which the hand counts as at its target, [m], or near enough to grasp."""
+def _near(scenario: Scenario) -> tuple[float, float]:
+    """Return distance [m] and angle [rad] at which the hand counts as at its target, or may grasp."""
     if scenario.cup is None:
-        return scenario.tolerance
-    return max(scenario.tolerance, scenario.grasp.distance)
+        return scenario.tolerance, scenario.turn_tolerance
+    grasp = scenario.grasp
+    return max(scenario.tolerance, grasp.distance), max(scenario.turn_tolerance, grasp.turn)
 
 
 class _Run:
@@ -109,7 +112,8 @@ class _Run:
         self.perception = Perception(scenario)
         self.schedule = Schedule(scenario.disturbances)
         limits = scenario if setup.joint_plan is None else joint_limits(scenario, setup.arm)
-        self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period)
+        avoid = avoidance(scenario, setup.placement, self.kinematics) if setup.joint_plan is None else None
+        self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period, avoid)
         self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
         self.judge = Judge(setup.joint_plan or setup.plan, scenario, self.arm.period, setup.unit)
@@ -127,8 +131,8 @@ class _Run:
         if not self.scenario.target_error:
             return
         seen_off = self.perception.read_target()
-        self.motion.move(seen_off - self.seen_off)
-        self.seen_off = seen_off
+        self.motion.move(seen_off - self.seen_off[:3])
+        self.seen_off[:3] = seen_off
 
     def drive(self, progress: Progress | None, pace: Pace | None) -> Verdict:
         """Let time pass until the episode is over, and return how it ended."""
@@ -145,7 +149,8 @@ class _Run:
             if progress is not None and step % every == 0:
                 progress("moving", round(1e3 * now), round(1e3 * horizon))
         place = self.arm.place_now
-        away = apart(length(place - self._true_target(place)), self.setup.unit, fine=True)
+        distance, turn = self.motion.gap(place, self._true_target(place))
+        away = apart(distance, self.setup.unit, fine=True, turn=turn)
         return Verdict("timeout", f"{away} after {horizon:.1f} s")
 
     def _true_target(self, place: FloatArray) -> FloatArray:
@@ -155,10 +160,12 @@ class _Run:
         """Measure, judge, and let one period pass; return how the episode ended, None if it goes on."""
         place = self.arm.place_now
         contacts = self.scene.contacts()
-        velocity = self.grasping.velocity(now, self.arm.tracking.reference) if self.grasping else None
-        by_skill = velocity is None
-        if velocity is None:
+        lifting = self.grasping.velocity(now, self.arm.tracking.reference[:3]) if self.grasping else None
+        by_skill = lifting is None
+        if lifting is None:
             velocity = self.motion.velocity(self.perception.hand(place))
+        else:
+            velocity = np.concatenate([lifting, np.zeros(len(place) - 3)])  # the hand does not turn
         target = self._true_target(place)
         if self.setup.joint_plan is not None:
             target = self.kinematics.forward(target)
@@ -170,7 +177,7 @@ class _Run:
         if by_skill:
             self.motion.slowed(share)
         if self.grasping:
-            self.grasping.proceed(now, length(place - self.motion.target(place)))
+            self.grasping.proceed(now, *self.motion.gap(place, self.motion.target(place)))
         return None
 
     def _verdict(
@@ -190,23 +197,28 @@ class _Run:
     def _disturbed(self, now: float) -> Verdict | None:
         """Apply the jumps that are due; return a failure if the hand cannot be displaced so."""
         for event in self.schedule.due(now):
-            offset = np.array(event.offset)
+            offset = np.zeros_like(self.arm.place_now)
+            offset[:3] = event.offset
             if isinstance(event, MoveTarget):
-                self.scene.move_cup(offset)
+                self.scene.move_cup(offset[:3])
                 if self.grasping:
-                    self.grasping.cup_moved(offset)
-                self.motion.move(offset)
+                    self.grasping.cup_moved(offset[:3])
+                self.motion.move(offset[:3])
                 self._look()
-            elif not self._displaced(offset):
-                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset))
+                continue
+            offset[3:] = event.turn[: len(offset) - 3]
+            if not self._displaced(offset):
+                where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset[:3]))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
-        """Displace the hand by ``offset`` (3,), [m]; return False if it cannot be there."""
-        state = self.arm.state
-        shares = np.linspace(0.0, 1.0, math.ceil(length(offset) / DISPLACED_STEP) + 1)[1:]
-        way = [state.hand + share * offset for share in shares]
+        """Displace the hand by ``offset``, [m] and [rad]; return False if it cannot be there."""
+        state, place = self.arm.state, self.arm.place_now
+        moved, turned = self.kinematics.space.speeds(offset)
+        steps = math.ceil(max(moved / DISPLACED_STEP, turned / TURNED_STEP))
+        shares = np.linspace(0.0, 1.0, steps + 1)[1:]
+        way = [self.kinematics.space.displace(place, share * offset) for share in shares]
         standing = Solution(state.joints, 0.0, accepted=True)  # in case the hand does not move
         *_, last = standing, *self.kinematics.along(way, state.joints)
         if last.accepted:
@@ -215,10 +227,12 @@ class _Run:
 
     def _liftable(self) -> float:
         """Return how far the hand can go straight up from here, at most as far as the lift goes, [m]."""
-        state, lift = self.arm.state, self.scenario.grasp.lift
+        place, lift = self.arm.place_now, self.scenario.grasp.lift
+        up = np.zeros_like(place)
+        up[2] = lift
         steps = math.ceil(lift / LIFTED_STEP)
-        way = [state.hand + np.array([0.0, 0.0, lift * step / steps]) for step in range(1, steps + 1)]
-        reached = sum(solution.accepted for solution in self.kinematics.along(way, state.joints))
+        way = [place + up * step / steps for step in range(1, steps + 1)]
+        reached = sum(solution.accepted for solution in self.kinematics.along(way, self.arm.state.joints))
         return lift if reached == steps else lift * reached / steps
 
     def _require_free_start(self) -> None:

@@ -191,6 +191,7 @@ class Grasp(Part):
 
     Attributes:
         distance: Distance from the grasp point at which the fingers begin to close, [m].
+        turn: Largest angle to the target's orientation at which they do, of a skill of poses, [rad].
         force: Force of each finger, [N].
         speed: Speed of each finger, [m/s].
         close_time: Time from then to the lift, [s].
@@ -201,6 +202,7 @@ class Grasp(Part):
     """
 
     distance: Positive = 0.006
+    turn: Positive = 0.1
     force: Positive = 20.0
     speed: Positive = 0.1
     close_time: Positive = 0.8
@@ -234,11 +236,12 @@ class MoveTarget(Part):
 
 
 class Displace(Part):
-    """A jump of the hand by ``offset`` [m]."""
+    """A jump of the hand by ``offset`` [m]; a hand that is taught turns by the vector ``turn`` [rad], too."""
 
     kind: Literal["displace"] = "displace"
     time: NotNegative
     offset: Point
+    turn: Point = (0.0, 0.0, 0.0)
 
 
 Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace, Field(discriminator="kind")]
@@ -304,7 +307,9 @@ class Scenario(Part):
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
+        max_turn, max_turn_acceleration: Those of a hand that turns as it was taught, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
+        turn_tolerance: Angle to the target's orientation that counts as reached, of a skill of poses, [rad].
         settle_time: Time for which the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: by the duration of the plan.
         noise: Standard deviation of the measured position of the hand, per coordinate, [m].
@@ -316,6 +321,8 @@ class Scenario(Part):
         obstacles: Other things that the arm must not touch, with or without furniture.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
         grasp: How the hand grasps and lifts.
+        avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
+            None: if the skill is in three dimensions at its own scale.
         disturbances: Pushes and jumps, with their times.
         episodes: Number of episodes of a batch.
         sampling: Ranges from which these are drawn.
@@ -335,7 +342,10 @@ class Scenario(Part):
     control: Control = "position"
     max_speed: Positive = 0.3
     max_acceleration: Positive = 1.5
+    max_turn: Positive = 1.5
+    max_turn_acceleration: Positive = 7.5
     tolerance: Positive = 2e-3
+    turn_tolerance: Positive = 0.0349  # two degrees
     settle_time: Positive = 0.5
     max_duration: Positive | None = None
     noise: NotNegative = 0.0
@@ -346,6 +356,7 @@ class Scenario(Part):
     obstacles: tuple[Obstacle, ...] = ()
     cup: Cup | None = None
     grasp: Grasp = Grasp()
+    avoid: Flag | None = None
     disturbances: tuple[Disturbance, ...] = ()
     sampling: Sampling = Sampling()
 

@@ -24,7 +24,8 @@ class TorqueArm(LiveArm):
         τ = Jᵀ [D (f − v); K e − D_r ω] + N [K_p (q₀ − q) − D_p q̇] + c(q, q̇)
 
     f is the velocity asked for, v and ω are the hand's, e is the rotation to the orientation wanted where the
-    hand is, N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the ready posture, c are gravity and Coriolis torques; each
+    hand is (of a taught hand, D_r ω_f with the turning asked for takes the place of K e).
+    N = 1 − Jᵀ (J Jᵀ)⁻¹ J, q₀ is the ready posture, c are gravity and Coriolis torques; each
     torque is cut to its limit. v, ω, q and q̇ are those at the *end* of the period, predicted with the arm's
     mass matrix: with those at its beginning, a wrist as light as an xArm's becomes unstable.
 
@@ -41,20 +42,18 @@ class TorqueArm(LiveArm):
 
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
         """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
-        super().__init__(body, joints)
+        super().__init__(body, joints, kinematics)
         bullet, model = body.bullet, body.model
-        self._kinematics = kinematics
         self._posture = kinematics.home
         self._rows = 3 if kinematics.hand == "free" else 6
         self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
-        self._stiffness = np.array([0.0] * 3 + [ROTATION_STIFFNESS] * 3)[: self._rows]
+        turns = 0.0 if kinematics.hand == "taught" else ROTATION_STIFFNESS
+        self._stiffness = np.array([0.0] * 3 + [turns] * 3)[: self._rows]
         self._columns = model.columns
         places = dict([*zip(model.indices, joints.tolist(), strict=True), *model.fingers])
         self._places = np.array([places[joint] for joint in sorted(places)])  # of all movable joints
         self._zeros = [0.0] * len(places)
         self._limits = np.array(model.max_torque)
-        inertial = bullet.getLinkState(body.body, model.tip)[2:4]
-        self._tip = bullet.invertTransform(*inertial)[0]  # Bullet measures from the link's centre of mass
         for joint in model.indices:
             # Real arms compensate the friction of their joints; Bullet's is explicit and shakes light joints.
             bullet.changeDynamics(body.body, joint, jointDamping=0.0)
@@ -65,22 +64,22 @@ class TorqueArm(LiveArm):
     @property
     def tracking(self) -> Tracking:
         """The reference is the hand itself, as there is none under torque control."""
-        return Tracking(self.state.hand)
+        return Tracking(self.place_now)
 
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
         """Let one period pass: see ``LiveArm``."""
         state = self.state
         self._places[self._columns] = state.joints
-        jacobian = self._jacobian()
+        jacobian = self.body.jacobian(self._places)[: self._rows]
         asked = np.zeros(self._rows)
-        asked[:3] = velocity
+        asked[: len(velocity)] = velocity
         square = jacobian @ jacobian.T
         regular = square @ square + SINGULARITY**2 * np.eye(self._rows)
         inverse = np.linalg.solve(regular, square @ jacobian).T  # of J, damped where it is nearly singular
         fastest = float((np.abs(inverse @ asked) / self._fastest).max())
         share = min(1.0, COMMANDED_SHARE / fastest) if fastest > 0 else 1.0
         wrench = self._damping * share * asked
-        if self._rows == 6:
+        if self._stiffness.any():
             wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
         free = np.eye(len(inverse)) - inverse @ jacobian
         spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
@@ -113,16 +112,8 @@ class TorqueArm(LiveArm):
         )
         self._step(push, limited)
 
-    def _jacobian(self) -> FloatArray:
-        """Return the hand's Jacobian (6, n), or (3, n) if its orientation does not matter."""
-        body, places = self.body, self._places.tolist()
-        linear, angular = body.bullet.calculateJacobian(
-            body.body, body.model.tip, self._tip, places, self._zeros, self._zeros
-        )
-        return np.array((linear + angular)[: self._rows])[:, self._columns]
-
     def _turn_wanted(self) -> FloatArray:
         """Return the rotation to the orientation wanted here: its axis (3,) times 2 sin ½θ."""
-        wanted = self._kinematics.orientation(self.state.hand)
+        wanted = self.kinematics.orientation(self.state.hand)
         *axis, cosine = self.body.bullet.getDifferenceQuaternion(self.orientation, wanted)
         return np.array(axis) * (2.0 if cosine >= 0 else -2.0)

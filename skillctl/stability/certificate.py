@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from skillctl.model.skill import Skill
-from skillctl.stability.parts import MARGIN, certify_part
+from skillctl.stability.blocks import coupled_radius
+from skillctl.stability.parts import MARGIN, certify_part, least
 from skillctl.stability.region import certified_radius
 from skillctl.stability.report import (
     Certificate,
@@ -22,11 +23,14 @@ from skillctl.stability.sampling import search_witness
 def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certificate:
     """Return what is proved about a skill, and what sampling shows where there is no global proof.
 
-    Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. For
-    the whole it follows: A SEDS or merged skill is one part. A latched combined skill runs one part to its
-    end. An instantaneous one with one attractor, one P and one kind of coordinates shrinks that P-norm
-    whichever part acts, sliding motions included. In all other cases switching can trap a motion on a border
-    between regions: then only a radius around each attractor is proved, and rollouts search for a witness.
+    Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. Of
+    poses, position and orientation have to contract by themselves; then no motion comes nearer to the
+    orientations half a turn from the target, where its direction is not defined. Without that, and for a
+    single part, only a radius is proved. For the whole it follows: A SEDS or merged skill is one part. A
+    latched combined skill runs one part to its end. An instantaneous one with one attractor, one P and one
+    kind of coordinates shrinks that P-norm whichever part acts, sliding motions included. In all other cases
+    switching can trap a motion on a border between regions: then only a radius around each attractor is
+    proved, and rollouts search for a witness.
 
     Args:
         skill: What to certify.
@@ -50,14 +54,17 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
             parts = tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
             scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
             failures = (_open_question(skill),)
+        elif len(parts) == 1 and parts[0].coupling and not parts[0].coordinates and parts[0].rate is not None:
+            parts = (replace(parts[0], radius=coupled_radius(skill.acting_parts[0])),)
+            scope = "none" if parts[0].radius is None else "local"
         sampling = search_witness(skill, parts, seed)
         refuted = sampling.witness is not None or not all(part.proved for part in parts)
         verdict = "not proved" if refuted else "inconclusive"
     return Certificate(
         verdict=verdict,
         scope=scope,
-        rate=None if scope == "none" else _least([part.rate for part in parts]),
-        period=None if scope == "none" else _least([part.period for part in parts]),
+        rate=None if scope == "none" else least([part.rate for part in parts]),
+        period=None if scope == "none" else least([part.period for part in parts]),
         margin=MARGIN,
         parts=parts,
         proof=_proof(skill, scope, parts),
@@ -66,11 +73,6 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
         sampling=sampling,
         digest=digest,
     )
-
-
-def _least(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return min(known) if len(known) == len(values) else None
 
 
 def _parts_suffice(skill: Skill) -> bool:
@@ -97,14 +99,20 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
         sentences.append(_global_statement(skill))
     for part in parts:
         name = "It" if len(parts) == 1 else f"Part {part.part}"
-        if part.proved and part.rate is not None and part.period is not None:
+        known = part.proved or part.radius is not None
+        if known and part.rate is not None and part.period is not None:
             bent = ", in its coordinates," if skill.acting_parts[part.part - 1].coordinates.links else ""
             sentences.append(
-                f"{name} shrinks the P-distance to its attractor{bent} at {at_least(part.rate)} 1/s or "
-                f"faster, at every controller period up to {at_least(part.period)} s "
-                f"({at_most(1 / part.period)} Hz or faster): exact for all {len(part.components)} components."
+                f"{name} shrinks {_shrunk(bent, part)}, at every controller period up to "
+                f"{at_least(part.period)} s ({at_most(1 / part.period)} Hz or faster): exact for all "
+                f"{len(part.components)} components."
             )
-        if part.radius is not None:
+        if part.radius is not None and part.coupling:
+            sentences.append(
+                f"From within {at_least(part.radius)} {unit} of its attractor, angles counted by the "
+                "characteristic length, every motion ends there."
+            )
+        elif part.radius is not None:
             sentences.append(
                 f"From within {at_least(part.radius)} {unit} of its attractor part {part.part} alone acts, "
                 f"and every motion ends there."
@@ -112,17 +120,36 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
     return tuple(sentences)
 
 
+def _shrunk(bent: str, part: PartCertificate) -> str:
+    """Say which distances to the attractor shrink, and how fast."""
+
+    def at(rate: float | None) -> str:
+        return f"at {at_least(rate or 0.0)} 1/s or faster"
+
+    if not part.blocks:
+        return f"the P-distance to its attractor{bent} {at(part.rate)}"
+    position, orientation = part.blocks
+    return (
+        f"the P-distance of the position to its attractor{bent} {at(position.rate)}, and the angle to the "
+        f"orientation there {at(orientation.rate)}"
+    )
+
+
 def _global_statement(skill: Skill) -> str:
+    everywhere = "everywhere"
+    if len(skill.space.blocks) > 1:
+        everywhere = "every position and every orientation but those exactly 180° from the target's"
     if len(skill.acting_parts) == 1 and skill.kind != "combined":
-        return "Every motion converges to the attractor exponentially, from everywhere."
+        return f"Every motion converges to the attractor exponentially, from {everywhere}."
     if not skill.reselects:
+        seam = "" if everywhere == "everywhere" else f" Motions of a part converge from {everywhere}."
         return (
             "Every motion with finitely many disturbances converges exponentially to the attractor of the "
             "part that acts after the last of them: the part i whose βᵢ pᵢ is largest where that disturbance "
-            "left the state, or, undisturbed, at the start. That region is the basin of its attractor."
+            "left the state, or, undisturbed, at the start. That region is the basin of its attractor." + seam
         )
     return (
-        "Every motion converges to the one attractor exponentially, from everywhere: whichever part acts, "
+        f"Every motion converges to the one attractor exponentially, from {everywhere}: whichever part acts, "
         "the same P-distance shrinks."
     )
 

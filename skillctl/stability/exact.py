@@ -45,6 +45,10 @@ class Dyadic:
         """The transpose."""
         return Dyadic(self.integers.T, self.denominator)
 
+    def block(self, rows: slice) -> Dyadic:
+        """Return the rows and columns of a matrix that belong together."""
+        return Dyadic(self.integers[rows, rows], self.denominator)
+
     def __add__(self, other: Dyadic) -> Dyadic:
         common = max(self.denominator, other.denominator)
         left = self.integers * (common // self.denominator)

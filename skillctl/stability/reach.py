@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,11 @@ import numpy.typing as npt
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.model.coordinates.enclosure import GUARD
+from skillctl.model.pose import Pose
 from skillctl.model.rollout import arrival_distance_of
 from skillctl.model.skill import Skill
 from skillctl.model.space import Space
+from skillctl.stability.blocks import Block, blocks_of
 from skillctl.stability.parts import proved_rate
 from skillctl.stability.region import selectable_parts
 from skillctl.stability.report import Certificate, Motions, at_least, at_most
@@ -29,7 +32,7 @@ class PartReach:
 
     Attributes:
         part: Counted from 1.
-        level: c: nowhere in the start box is V larger.
+        level: c: nowhere in the start box is V larger, of poses that of the position.
         low: No motion goes below this, one number for each coordinate, in the unit of the space.
         high: No motion goes above this.
         arrival: By then every motion is within the arrival distance of the attractor, and stays there, [s];
@@ -47,8 +50,10 @@ class PartReach:
 class Reach:
     """Bounds of all motions that start in a box and are not disturbed; proved, and rounded to the safe side.
 
+    Of poses, boxes are of positions, and motions start in any orientation but 180° from a target's.
+
     Attributes:
-        names: Of the coordinates.
+        names: Of the coordinates of a position.
         unit: Of the space.
         start_low: Corner of the start box.
         start_high: The opposite corner.
@@ -92,15 +97,16 @@ def bound_reach(
     V falls at every step, so a motion never leaves {V ≤ c}, c the largest V in the start box. In plain
     coordinates c is reached at a vertex, since V is convex, and {V ≤ c} reaches ξᵢ* ± √(c (P⁻¹)ᵢᵢ): exact
     arithmetic. In others, interval arithmetic encloses c and c⁻¹({yᵀPy ≤ c}). The result is a box, hence
-    convex: the straight way between two samples stays in it, too.
+    convex: the straight way between two samples stays in it, too. Of poses V is that of the position, which
+    falls by itself; by the arrival the orientation, from at most half a turn, is near enough as well.
 
     What it does not show: where the hand goes after a disturbance, or how far the rest of the arm reaches.
 
     Args:
         skill: Any skill.
         certificate: What is proved of it.
-        low: Corner of the start box, shape (d,).
-        high: The opposite corner, shape (d,).
+        low: Corner of the start box, shape (d,), of poses (3,).
+        high: The opposite corner.
         period: Of the controller, [s]; by default half of what is proved.
         seed: Of the sampled starts.
 
@@ -122,12 +128,11 @@ def bound_reach(
     near = arrival_distance_of(skill)
     chosen = range(len(skill.acting_parts)) if skill.reselects else selectable_parts(skill, low, high)
     parts = tuple(_part_reach(skill, index, low, high, near, period) for index in chosen)
-    arrivals = [part.arrival for part in parts if part.arrival is not None]
-    arrival = max(arrivals) if len(arrivals) == len(parts) else None
+    arrival = _latest([part.arrival for part in parts])
     least = tuple(map(min, zip(*(part.low for part in parts), strict=True)))
     most = tuple(map(max, zip(*(part.high for part in parts), strict=True)))
     return Reach(
-        names=skill.space.names,
+        names=skill.space.names[: len(low)],
         unit=skill.space.unit,
         start_low=tuple(low.tolist()),
         start_high=tuple(high.tolist()),
@@ -147,12 +152,35 @@ def _part_reach(
     skill: Skill, index: int, low: FloatArray, high: FloatArray, near: float, period: float
 ) -> PartReach:
     part = skill.acting_parts[index]
-    sublevels = sublevels_of(part)
+    position, *others = blocks_of(part)
+    sublevels = sublevels_of(position)
     level = sublevels.level(low, high)
     least, most = sublevels.extent(level)
-    rate = proved_rate(part, skill.outer_speed, period)
-    arrival = _arrival(level, sublevels.radius(near), rate, period)
-    return PartReach(index + 1, level, tuple(least.tolist()), tuple(most.tolist()), arrival)
+    if others:
+        near *= (1 - GUARD) / math.sqrt(1 + len(others))  # each of n blocks within near / √n: all within near
+    levels = [(position, level), *((block, _half_turn(part.space, block)) for block in others)]
+    times = [
+        _arrival(
+            highest,
+            sublevels_of(block).radius(near),
+            proved_rate(part, skill.outer_speed, period, block),
+            period,
+        )
+        for block, highest in levels
+    ]
+    return PartReach(index + 1, level, tuple(least.tolist()), tuple(most.tolist()), _latest(times))
+
+
+def _latest(times: Sequence[float | None]) -> float | None:
+    """Return the last of some times; None if one is not known."""
+    known = [time for time in times if time is not None]
+    return max(known) if len(known) == len(times) else None
+
+
+def _half_turn(space: Space, block: Block) -> float:
+    """Return the V of an orientation half a turn from the target, the largest there is; rounded up."""
+    length = space.length if isinstance(space, Pose) else math.inf
+    return float(block.lyapunov[0, 0]) * (math.pi * length) ** 2 * (1 + GUARD)
 
 
 def _proof(
@@ -166,7 +194,7 @@ def _proof(
     """Say what is proved of undisturbed motions from the start box."""
     ranges = ", ".join(
         f"{name} from {at_least(least)} to {at_most(most)}"
-        for name, least, most in zip(space.names, low, high, strict=True)
+        for name, least, most in zip(space.names, low, high, strict=False)
     )
     stays = (
         f"Every undisturbed motion from the start box stays in {ranges} {space.unit}, between samples, too."

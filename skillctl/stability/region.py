@@ -11,6 +11,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.skill import Skill
+from skillctl.stability.blocks import whole_of
 from skillctl.stability.exact import Dyadic, is_positive_definite, leading_minors
 from skillctl.stability.sublevels import TRIES, Sublevels, sublevels_of
 
@@ -32,11 +33,13 @@ def certified_radius(skill: Skill, index: int) -> float | None:
 
     Returns:
         The radius of the largest Euclidean ball inside the largest such ball, in the unit of the space; None
-        if the part does not provably act at its own attractor.
+        if the part does not provably act at its own attractor, or for poses: each part has its own chart.
 
     References:
         Theory page, verification; the bounds are ours.
     """
+    if not skill.space.flat:
+        return None
     part = skill.acting_parts[index]
     bent = bool(part.coordinates.links)
     norm = np.eye(skill.dimension) if bent else part.lyapunov
@@ -56,7 +59,9 @@ def certified_radius(skill: Skill, index: int) -> float | None:
     if not acts_alone(0.0):
         return None
     rho = _largest(acts_alone, start=1 / float(own.slopes.max()))
-    return _within(sublevels_of(part), part.attractor, rho) if bent else _euclidean(rho, part.lyapunov)
+    return (
+        _within(sublevels_of(whole_of(part)), part.attractor, rho) if bent else _euclidean(rho, part.lyapunov)
+    )
 
 
 def _within(sublevels: Sublevels, attractor: FloatArray, radius: float) -> float | None:
@@ -76,9 +81,10 @@ def selectable_parts(skill: Skill, low: FloatArray, high: FloatArray) -> tuple[i
     """Return the indices of the parts that may be selected somewhere in the box between two corners (d,).
 
     All others provably are not: on the ball around the box their largest βᵢ rᵢ is below another's smallest.
+    A box of positions of poses holds every orientation, so that any part may be.
     """
     everyone = tuple(range(len(skill.acting_parts)))
-    if len(everyone) == 1:
+    if len(everyone) == 1 or not skill.space.flat:
         return everyone
     centre, radius = 0.5 * (low + high), 0.5 * (1 + GUARD) * float(np.linalg.norm(high - low))
     try:

@@ -30,6 +30,21 @@ class ComponentCertificate:
 
 
 @dataclass(frozen=True, slots=True)
+class BlockCertificate:
+    """What is proved of the position or the orientation of a pose, which contract by themselves.
+
+    Attributes:
+        name: ``position`` or ``orientation``.
+        rate: As of the part, [1/s]; of the orientation, the angle to the target's shrinks at it.
+        period: As of the part, [s].
+    """
+
+    name: str
+    rate: float | None
+    period: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class PartCertificate:
     """What is proved of one part: a skill whose components all share one P and one attractor.
 
@@ -40,8 +55,11 @@ class PartCertificate:
         rate: r with ‖ξ(t) − ξ*‖_P ≤ e^(−rt) ‖ξ(0) − ξ*‖_P while this part acts, proved, [1/s].
         period: Longest controller period at which every step still contracts, proved, [s].
         coordinates: Why its coordinates are not exactly invertible, in sentences; empty if they are.
+        coupling: Why position and orientation of poses do not contract by themselves, in sentences; empty if
+            they do. Rate and period then hold only as long as no motion comes half a turn from the target.
+        blocks: What is proved of position and orientation apart; empty for states without orientation.
         radius: Every motion that starts within this distance of the part's attractor ends there, proved;
-            in the unit of the space. Only for combined skills without a global proof.
+            in the unit of the space. Only without a global proof.
         proved: Whether the part, acting alone, converges to its attractor from everywhere.
     """
 
@@ -52,19 +70,21 @@ class PartCertificate:
     period: float | None
     coordinates: tuple[str, ...] = ()
     radius: float | None = None
+    coupling: tuple[str, ...] = ()
+    blocks: tuple[BlockCertificate, ...] = ()
     proved: bool = field(init=False)
 
     def __post_init__(self) -> None:
         numbers = self.rate is not None and self.period is not None
         conditions = self.lyapunov_proved and all(component.proved for component in self.components)
-        proved = numbers and conditions and not self.coordinates
+        proved = numbers and conditions and not (self.coordinates or self.coupling)
         object.__setattr__(self, "proved", proved)
 
     @property
     def failures(self) -> tuple[str, ...]:
         """What could not be proved, one sentence each."""
         name = f"part {self.part}: "
-        reasons = [name + sentence for sentence in self.coordinates]
+        reasons = [name + sentence for sentence in (*self.coordinates, *self.coupling)]
         if not self.lyapunov_proved:
             reasons.append(name + "P is not positive definite.")
         for c in self.components:

@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
+from skillctl import rotations
 from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.geometry import box
 from skillctl.model.rollout import arrival_distance_of, rollout
 from skillctl.model.skill import Skill
+from skillctl.stability.blocks import whole_of
 from skillctl.stability.report import Motions, PartCertificate, Sampling
 from skillctl.stability.sublevels import sublevels_of
 
@@ -58,17 +60,20 @@ def follow_box(
 
     Args:
         skill: Any skill.
-        low: Corner of the box.
+        low: Corner of the box; of poses, a box of positions: motions start turned anyhow.
         high: The opposite corner.
         period: Of the controller, [s].
         arrival: Time in which all have provably arrived, [s], or None; they are followed no longer.
         seed: Of the starts; the first two are the corners.
     """
-    starts = np.random.default_rng(seed).uniform(low, high, (STARTS, len(low)))
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(low, high, (STARTS, len(low)))
     starts[:2] = low, high
+    if len(low) < skill.dimension:  # quaternions of normal numbers are turned anyhow, alike in all directions
+        starts = np.hstack([starts, rotations.vectors(rng.normal(size=(STARTS, 4)))])
     longest = SEGMENT * SEGMENTS * period
     motions = rollout(skill, starts, duration=min(longest, arrival or longest), period=period)
-    least, most = box(motions.positions.reshape(-1, len(low)))
+    least, most = box(motions.positions[..., : len(low)].reshape(-1, len(low)))
     return Motions(
         seed=seed,
         starts=STARTS,
@@ -100,11 +105,19 @@ def _follow(
 
 
 def _starts(skill: Skill, seed: int) -> FloatArray:
-    """Return seeded starts in the box around the data and the attractors. Shape (STARTS, d)."""
-    density = skill.density
+    """Return seeded starts in the box around the data and the attractors. Shape (STARTS, d).
+
+    Of poses it is a box of charted states, which are taken as those of each attractor in turn.
+    """
+    density, space, attractors = skill.density, skill.space, skill.attractors
     reach = DEVIATIONS * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
-    corners = np.vstack([density.means - reach, density.means + reach, skill.attractors])
-    return np.asarray(np.random.default_rng(seed).uniform(*box(corners), (STARTS, skill.dimension)))
+    anchors = np.array([space.anchor(attractor) for attractor in attractors])
+    corners = np.vstack([density.means - reach, density.means + reach, anchors])
+    starts = np.asarray(np.random.default_rng(seed).uniform(*box(corners), (STARTS, skill.dimension)))
+    if space.flat:
+        return starts
+    turns = np.arange(STARTS) % len(attractors)
+    return space.placed(starts - anchors[turns], attractors[turns])
 
 
 def _period(skill: Skill, parts: tuple[PartCertificate, ...]) -> float:
@@ -119,7 +132,7 @@ def _arrival_bound(skill: Skill, parts: tuple[PartCertificate, ...], starts: Flo
     """Return when each part on its own has provably arrived from every start; infinite if unproved."""
     times = []
     for part, proof in zip(skill.acting_parts, parts, strict=True):
-        near = None if proof.rate is None else sublevels_of(part).radius(arrival_distance_of(skill))
+        near = None if proof.rate is None else sublevels_of(whole_of(part)).radius(arrival_distance_of(skill))
         if proof.rate is None or near is None:
             return math.inf
         farthest = float(part.v_distance(starts).max())

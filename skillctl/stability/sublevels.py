@@ -13,7 +13,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.model.coordinates.enclosure import GUARD
-from skillctl.model.skill import ActingSkill
+from skillctl.stability.blocks import Block
 from skillctl.stability.cells import highest
 from skillctl.stability.exact import (
     Dyadic,
@@ -31,7 +31,7 @@ TRIES = 50  # the first or second radius passes, unless the coordinates bend wit
 
 
 class Sublevels(ABC):
-    """Bounds of one part's V, each true whatever is rounded."""
+    """Bounds of the V of one block of a part, each true whatever is rounded."""
 
     @abstractmethod
     def level(self, low: FloatArray, high: FloatArray) -> float:
@@ -46,37 +46,37 @@ class Sublevels(ABC):
         """Return ρ > 0 with {√V ≤ ρ} within the distance ``near`` of the attractor; None: not found."""
 
 
-def sublevels_of(part: ActingSkill) -> Sublevels:
-    """Return the bounds of a part that is proved."""
-    return BentSublevels(part) if part.coordinates.links else PlainSublevels(part)
+def sublevels_of(block: Block) -> Sublevels:
+    """Return the bounds of a block of a part that is proved."""
+    return BentSublevels(block) if block.coordinates.links else PlainSublevels(block)
 
 
 class PlainSublevels(Sublevels):
     """Bounds in plain coordinates, decided in exact arithmetic."""
 
-    def __init__(self, part: ActingSkill) -> None:
-        self._attractor = part.attractor
-        self._lyapunov = Dyadic.of(part.lyapunov)
-        self._smallest = float(np.linalg.eigvalsh(part.lyapunov)[0])
+    def __init__(self, block: Block) -> None:
+        self._anchor = block.anchor
+        self._lyapunov = Dyadic.of(block.lyapunov)
+        self._smallest = float(np.linalg.eigvalsh(block.lyapunov)[0])
 
     def level(self, low: FloatArray, high: FloatArray) -> float:
         """Return the largest V over a box, reached at a vertex, since V is convex; rounded up."""
         vertices = np.array(list(product(*zip(low, high, strict=True))))
-        offsets = Dyadic.of(vertices) + -Dyadic.of(self._attractor)
+        offsets = Dyadic.of(vertices) + -Dyadic.of(self._anchor)
         values = (offsets @ self._lyapunov) * offsets
         return rounded_up(Fraction(values.integers.sum(axis=1).max(), values.denominator))
 
     def extent(self, level: float) -> tuple[FloatArray, FloatArray]:
         """Return the corners of the smallest box around {V ≤ c}: ξᵢ* ± √(c (P⁻¹)ᵢᵢ), rounded outwards."""
         sides = half_sides(self._lyapunov, level)
-        centre = self._attractor.tolist()
+        centre = self._anchor.tolist()
         high = [_sum_up(middle, side) for middle, side in zip(centre, sides, strict=True)]
         low = [-_sum_up(-middle, side) for middle, side in zip(centre, sides, strict=True)]
         return np.array(low), np.array(high)
 
     def radius(self, near: float) -> float | None:
         """Return nearly the largest ρ with near² P − ρ² I ≻ 0."""
-        identity = Dyadic.of(np.eye(len(self._attractor)))
+        identity = Dyadic.of(np.eye(len(self._anchor)))
         squared = self._lyapunov * (Dyadic.of(near) * Dyadic.of(near))
         return largest_proved(
             near * math.sqrt(max(self._smallest, 0.0)),
@@ -99,9 +99,9 @@ def _sum_up(left: float, right: float) -> float:
 class BentSublevels(Sublevels):
     """Bounds in other coordinates y = ξ* + c(ξ − ξ*), by interval arithmetic over cells."""
 
-    def __init__(self, part: ActingSkill) -> None:
-        self._attractor, self._lyapunov, self._form = part.attractor, part.lyapunov, part.form
-        self._coordinates = part.coordinates
+    def __init__(self, block: Block) -> None:
+        self._anchor, self._lyapunov, self._form = block.anchor, block.lyapunov, block.form
+        self._coordinates = block.coordinates
 
     def level(self, low: FloatArray, high: FloatArray) -> float:
         """Return an upper bound of V over a box, from enclosures of c over its cells."""
@@ -111,13 +111,13 @@ class BentSublevels(Sublevels):
             values = self._form.value(self._coordinates.forward(0.5 * (lows + highs)))
             return bounds[:, None], values[:, None]
 
-        return float(highest(_down(low - self._attractor), _up(high - self._attractor), evaluate)[0])
+        return float(highest(_down(low - self._anchor), _up(high - self._anchor), evaluate)[0])
 
     def extent(self, level: float) -> tuple[FloatArray, FloatArray]:
         """Return the corners of a box around {V ≤ c}, from enclosures of c⁻¹ over cells of {yᵀPy ≤ c}."""
         bounds = self._over_sublevel(level, lambda low, high: np.concatenate([-low, high], axis=1))
         below, above = np.split(bounds, 2)
-        return _down(self._attractor - below), _up(self._attractor + above)
+        return _down(self._anchor - below), _up(self._anchor + above)
 
     def radius(self, near: float) -> float | None:
         """Return a ρ whose {√V ≤ ρ} is seen to lie within ``near`` of the attractor."""

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.pose import Pose
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
 from skillctl.store.canonical import dump_canonical, load_strict
@@ -24,13 +25,17 @@ from skillctl.store.schema import (
     DemonstrationReport,
     Meta,
     Operation,
+    PoseState,
     Provenance,
+    State,
     first_complaint,
     label,
     parse_meta,
 )
 from skillctl.store.ties import require_ties
 from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
+
+HALF_TURN = np.pi * (1 + 2.0**-50)  # [rad]; vectors of rotations by 180° are rounded to a little more or less
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +87,17 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
     """Return the content of an artifact as arrays by path, ``meta.json`` among them.
 
     Raises:
-        InvalidModelError: A text that the format does not allow, such as a name with control characters; or
-            an operation that does not make such a skill.
+        InvalidModelError: A text that the format does not allow, such as a name with control characters; an
+            operation that does not make such a skill; or states that the format does not allow.
     """
-    meta = _meta_of(artifact)
+    meta, contents = _meta_of(artifact), contents_of(artifact)
     try:
         require_ties(meta)
+        _require_states(artifact.skill.space, contents)
     except Refusal as reason:
         raise InvalidModelError(f"this skill cannot be stored: {reason}.") from None
     text = dump_canonical(_dumped(meta))
-    return {**contents_of(artifact), META: np.frombuffer(text, dtype=np.uint8)}
+    return {**contents, META: np.frombuffer(text, dtype=np.uint8)}
 
 
 def contents_of(artifact: Artifact) -> dict[str, Array]:
@@ -132,10 +138,8 @@ def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifac
             raise Refusal(f"/{path}: must be finite")
     meta = _load_meta(arrays[META], name, version)
     _refuse_reserved(meta)
-    space = Euclidean(meta.state.names, meta.state.unit, meta.state.frame)
-    d = arrays["model/means"].shape[1]
-    if space.dimension != d or len(set(space.names)) != d:
-        raise Refusal(f"/meta.json: state.names: expected {d} different names")
+    space = _space_of(meta.state)
+    _require_states(space, arrays)
     skill = skill_of(meta.skill, arrays, space)
     demonstrations = _demonstrations_of(arrays, meta.demonstrations, len(skill.leaves), space)
     artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports)
@@ -159,11 +163,37 @@ def _load_meta(stored: Array, name: str, version: int) -> Meta:
     return meta
 
 
+def _space_of(state: State) -> Space:
+    if isinstance(state, PoseState):
+        return Pose(state.names, state.unit, state.frame, state.characteristic_length)
+    return Euclidean(state.names, state.unit, state.frame)
+
+
+def _stated(space: Space) -> dict[str, Any]:
+    """Return what metadata says of a space."""
+    stated = {"names": space.names, "unit": space.unit, "frame": space.frame, "kind": space.kind}
+    return stated | {"characteristic_length": space.length} if isinstance(space, Pose) else stated
+
+
+def _require_states(space: Space, arrays: Mapping[str, Array]) -> None:
+    """Raise Refusal unless the arrays hold states of a space."""
+    d = arrays["model/means"].shape[1]
+    if isinstance(space, Pose):
+        if d != space.dimension:
+            raise Refusal(f"/model/means: d is {d}, but a pose has {space.dimension} numbers")
+        if (np.linalg.norm(arrays["model/attractors"][:, 3:], axis=1) > HALF_TURN).any():
+            raise Refusal("/model/attractors: a rotation vector is longer than half a turn")
+    if space.dimension != d or len(set(space.names)) != d:
+        raise Refusal(f"/meta.json: state.names: expected {d} different names")
+    c = arrays["coordinates/linear"].shape[1] if "coordinates/linear" in arrays else space.positions
+    if c != space.positions:
+        raise Refusal(f"/coordinates/linear: c is {c}, but a position has {space.positions} coordinates")
+
+
 def _refuse_reserved(meta: Meta) -> None:
     """Raise LaterFeature for what the format reserves, and this build cannot use."""
     command = meta.operation.command
     reserved = {
-        "poses": meta.state.kind == "pose",
         "a chain of skills": meta.skill.kind == "chain",
         f"the command {command}": command in {"adapt", "chain"},
         **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
@@ -178,7 +208,7 @@ def _meta_of(artifact: Artifact) -> Meta:
         return Meta.model_validate(
             {
                 "skill": node_of(artifact.skill),
-                "state": {"names": space.names, "unit": space.unit, "frame": space.frame, "kind": space.kind},
+                "state": _stated(space),
                 "operation": artifact.operation,
                 "demonstrations": tuple(label(d.source) for _, d in _numbered(artifact)),
                 "reports": artifact.reports,
@@ -226,5 +256,5 @@ def _demonstrations_of(
     taught: list[list[Demonstration]] = [[] for _ in range(n_leaves)]
     for index, (leaf, source) in enumerate(zip(part, sources, strict=True)):
         rows = slice(offsets[index], offsets[index + 1])
-        taught[leaf].append(Demonstration.from_positions(times[rows], positions[rows], source))
+        taught[leaf].append(Demonstration.from_positions(times[rows], positions[rows], source, space))
     return tuple(DemonstrationSet(tuple(members), space) if members else None for members in taught)

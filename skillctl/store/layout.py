@@ -35,8 +35,8 @@ class ArraySpec:
 
 
 # B bytes of metadata; K components, M density components and L leaves of the skill tree, stacked from left
-# to right; d dimensions; D demonstrations with N samples altogether; S learned shears of J bumps each;
-# R components of the regions of all parts. Lengths of one name are equal.
+# to right; d dimensions, c of them a position; D demonstrations with N samples altogether; S learned shears
+# of J bumps each; R components of the regions of all parts. Lengths of one name are equal.
 ARRAYS: dict[str, ArraySpec] = {
     META: ArraySpec("<u1", ("B",)),
     "model/priors": ArraySpec("<f8", ("K",)),
@@ -53,11 +53,11 @@ ARRAYS: dict[str, ArraySpec] = {
     "demonstrations/times": ArraySpec("<f8", ("N",)),
     "demonstrations/offsets": ArraySpec("<i8", ("D+1",)),
     "demonstrations/part": ArraySpec("<i8", ("D",)),
-    "coordinates/linear": ArraySpec("<f8", ("L", "d", "d"), since=2),
-    "coordinates/directions": ArraySpec("<f8", ("S", "d"), since=2),
+    "coordinates/linear": ArraySpec("<f8", ("L", "c", "c"), since=2),
+    "coordinates/directions": ArraySpec("<f8", ("S", "c"), since=2),
     "coordinates/firsts": ArraySpec("<f8", ("S",), since=2),
     "coordinates/spacings": ArraySpec("<f8", ("S",), since=2),
-    "coordinates/coefficients": ArraySpec("<f8", ("S", "J", "d"), since=2),
+    "coordinates/coefficients": ArraySpec("<f8", ("S", "J", "c"), since=2),
     "coordinates/leaf": ArraySpec("<i8", ("S",), since=2),
     "regions/priors": ArraySpec("<f8", ("R",), since=2),
     "regions/means": ArraySpec("<f8", ("R", "d"), since=2),
@@ -74,6 +74,7 @@ MAX_LENGTHS = {
     "M": 4096,
     "L": 256,
     "d": 64,
+    "c": 64,
     "D": 4096,
     "D+1": 4097,
     "N": 1 << 22,

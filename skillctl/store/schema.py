@@ -208,9 +208,9 @@ class EuclideanState(Strict):
 
 
 class PoseState(Strict):
-    """Reserved: positions with orientations, which meet in one length [m/rad]."""
+    """What the six numbers of a pose mean; see ``skillctl.model.pose.Pose``; its ``length`` is [m/rad]."""
 
-    names: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
+    names: Annotated[tuple[Name, ...], Field(strict=False, min_length=6, max_length=6)]
     unit: Literal["m"]
     frame: Name
     kind: Literal["pose"] = "pose"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,8 @@ from skillctl.store.registry import Located, locate
 from skillctl.store.schema import DemonstrationReport, ParentRecord, label
 
 if TYPE_CHECKING:
+    from skillctl.model.demonstration import DemonstrationSet
+    from skillctl.model.seds import SedsSkill
     from skillctl.model.skill import Skill
     from skillctl.store.artifact import Artifact
     from skillctl.store.lockfile import Lock
@@ -63,6 +65,26 @@ def open_skill(reference: str | Path, store: str | Path | None = None, lock: Loc
     if lock:
         lock.require(located, source.artifact.digest)
     return source
+
+
+def carried_demonstrations(
+    sources: Sequence[Source], leaves: Sequence[SedsSkill], *, turn: bool = False
+) -> tuple[DemonstrationSet | None, ...]:
+    """Return the demonstrations of the parents, moved with their leaves, and in the space of those.
+
+    Args:
+        sources: The parents.
+        leaves: Those of all parents, from left to right, as they are now.
+        turn: Whether motions of poses turned with their targets.
+    """
+    before = [leaf for source in sources for leaf in source.skill.leaves]
+    taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    return tuple(
+        None
+        if motions is None
+        else replace(motions.carried(old.attractor, new.attractor, turn=turn), space=new.space)
+        for old, motions, new in zip(before, taught, leaves, strict=True)
+    )
 
 
 def carried_reports(sources: Sequence[Source]) -> list[DemonstrationReport]:

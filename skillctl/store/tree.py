@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.combined import CombinedSkill
-from skillctl.model.coordinates.chain import IDENTITY, Chain
+from skillctl.model.coordinates.chain import IDENTITY, Chain, Link, OnPosition
 from skillctl.model.coordinates.shears import SHEAR_ARRAYS, Shears
 from skillctl.model.gates import COMBINE_GATES, MERGE_GATES
 from skillctl.model.merged import MergedSkill
@@ -26,6 +26,7 @@ MAX_TREE_DEPTH = 16  # merged skills of merged skills of …
 
 COMPONENT_ARRAYS = ("priors", "means", "covariances", "system_matrices", "residual_covariances")
 DENSITY_ARRAYS = ("priors", "means", "covariances")
+UNSTORED = "coordinates: only those of learned shears can be stored."
 
 
 def model_arrays(skill: Skill) -> dict[str, FloatArray]:
@@ -81,11 +82,15 @@ def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
     chains = [leaf.coordinates.links for leaf in leaves]
     if not any(chains):
         return {}
-    if not all(isinstance(link, Shears) for chain in chains for link in chain) or max(map(len, chains)) > 1:
-        raise InvalidModelError("coordinates: only those of learned shears can be stored.")
-    found = [(number, link) for number, chain in enumerate(chains) for link in chain]
-    shears = [(number, cast("Shears", link)) for number, link in found]
-    linear = np.tile(np.eye(leaves[0].dimension), (len(leaves), 1, 1))
+    size = leaves[0].space.positions
+    shears = [
+        (number, _shears_of(link, bends_all=leaves[0].space.flat))
+        for number, chain in enumerate(chains)
+        for link in chain
+    ]
+    if max(map(len, chains)) > 1 or any(len(link.linear) != size for _, link in shears):
+        raise InvalidModelError(UNSTORED)
+    linear = np.tile(np.eye(size), (len(leaves), 1, 1))
     bumps = max(link.coefficients.shape[1] for _, link in shears)
     for number, link in shears:
         linear[number] = link.linear
@@ -105,7 +110,15 @@ def _coordinate_arrays(leaves: Sequence[SedsSkill]) -> dict[str, Array]:
     }
 
 
-def _coordinates(leaf: int, arrays: Mapping[str, Array]) -> Chain:
+def _shears_of(link: Link, *, bends_all: bool) -> Shears:
+    """Return the learned shears that bend all coordinates of an offset, or its position alone."""
+    bent = link.link if isinstance(link, OnPosition) else link
+    if not isinstance(bent, Shears) or bends_all == isinstance(link, OnPosition):
+        raise InvalidModelError(UNSTORED)
+    return bent
+
+
+def _coordinates(leaf: int, arrays: Mapping[str, Array], space: Space) -> Chain:
     """Return the coordinates of a leaf.
 
     Raises:
@@ -120,7 +133,8 @@ def _coordinates(leaf: int, arrays: Mapping[str, Array]) -> Chain:
         if (linear != np.eye(len(linear))).any():
             raise Refusal(f"/coordinates/linear: leaf {leaf} has no shears, but is not the identity")
         return IDENTITY
-    return Chain((Shears(linear, *(arrays[f"coordinates/{name}"][rows] for name in SHEAR_ARRAYS[1:])),))
+    shears = Shears(linear, *(arrays[f"coordinates/{name}"][rows] for name in SHEAR_ARRAYS[1:]))
+    return Chain((shears if space.flat else OnPosition(shears, space.positions),))
 
 
 class _Cursor:
@@ -250,7 +264,7 @@ def _seds_skill(node: SedsNode, arrays: Mapping[str, FloatArray], space: Space) 
             density=density,
             space=space,
             speed=node.speed,
-            coordinates=_coordinates(node.leaf, arrays),
+            coordinates=_coordinates(node.leaf, arrays, space),
         )
     except InvalidModelError as error:
         raise InvalidModelError(f"leaf {node.leaf}: {error}") from error

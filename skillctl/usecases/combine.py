@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from skillctl.adapt.together import Refit, Together, prove_together
+from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import CombineOptions
 from skillctl.errors import FitError, UsageError
 from skillctl.evaluate.coverage import (
@@ -18,11 +18,12 @@ from skillctl.evaluate.coverage import (
     with_regions,
 )
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, Lock, Operation
-from skillctl.store.source import Source, carried_reports, open_skill
+from skillctl.store.source import Source, carried_demonstrations, carried_reports, open_skill
 from skillctl.store.ties import LyapunovOrigin
 from skillctl.usecases.destination import Destination
 from skillctl.usecases.make import (
@@ -117,7 +118,9 @@ def combine(
         raise UsageError("priors and calibrate exclude each other.", hint="Leave out one of them.")
     request = Request(Destination.at(output, name, store, note), force, plot)
     sources = [open_skill(reference, store, lock) for reference in skills]
-    recorded = asdict(options) if refit else {**asdict(options), "refit": False}
+    unchanged = {"turn": False, "refit": True}  # not recorded: skills of before have no such entries
+    recorded = {**asdict(options), "refit": refit}
+    recorded = {key: value for key, value in recorded.items() if unchanged.get(key, ...) is not value}
     operation = Operation(command="combine", options=recorded)
 
     def build() -> tuple[Artifact, Certificate, _Details]:
@@ -128,7 +131,7 @@ def combine(
         results |= {} if together is None else together.results
         reports = carried_reports(sources) if together is None else together.reports
         done = operation.model_copy(update={"results": results})
-        artifact = child_artifact(combined, sources, done, reports)
+        artifact = child_artifact(combined, sources, done, reports, turn=options.turn)
         return artifact, certificate, _Details(coverage, before, together)
 
     def fits(there: Artifact) -> bool:
@@ -145,7 +148,8 @@ def _combined(
     combined = options.combine([source.skill for source in sources])
     if not (combined.reselects and combined.aligned):
         return combined, None
-    together = prove_together(sources, options.combine, refit=refit, progress=progress)
+    ready = prepared(sources, options)
+    together = prove_together(ready, options.combine, refit=refit, progress=progress)
     return options.combine(together.parts, together.lyapunov), together
 
 
@@ -153,7 +157,10 @@ def _covered(
     combined: CombinedSkill, sources: Sequence[Source], options: CombineOptions
 ) -> tuple[CombinedSkill, tuple[PartCoverage, ...], tuple[PartCoverage, ...] | None]:
     """Return the skill with regions, its priors calibrated if asked for; coverage after and before that."""
+    taught: Sequence[DemonstrationSet | None]
     taught = [motions for source in sources for motions in source.artifact.demonstrations]
+    if options.turn:
+        taught = carried_demonstrations(sources, combined.leaves, turn=True)
     combined = with_regions(combined, taught)
     measured = coverage(combined, taught)
     if not options.calibrate:

@@ -24,7 +24,7 @@ from skillctl.store import (
     current_provenance,
     input_fingerprint,
 )
-from skillctl.store.source import Source
+from skillctl.store.source import Source, carried_demonstrations
 from skillctl.store.ties import is_complete
 from skillctl.usecases.destination import Destination, Written
 
@@ -187,10 +187,12 @@ def child_artifact(
     operation: Operation,
     reports: Sequence[DemonstrationReport],
     inputs: Sequence[InputRecord] = (),
+    *,
+    turn: bool = False,
 ) -> Artifact:
     """Return the artifact of a skill made from others.
 
-    The demonstrations of each leaf are kept, moved by as much as the leaf was moved.
+    The demonstrations of each leaf are kept, moved as the leaf was moved.
 
     Args:
         child: Its leaves are those of the parents, in the same order.
@@ -198,13 +200,9 @@ def child_artifact(
         operation: What made it.
         reports: On the demonstrations.
         inputs: Files that were read besides the parents.
+        turn: Whether motions of poses turned with their targets.
     """
-    leaves = [leaf for source in sources for leaf in source.skill.leaves]
-    taught = [motions for source in sources for motions in source.artifact.demonstrations]
-    demonstrations = tuple(
-        None if motions is None else motions.translated(moved.attractor - leaf.attractor)
-        for leaf, motions, moved in zip(leaves, taught, child.leaves, strict=True)
-    )
+    demonstrations = carried_demonstrations(sources, child.leaves, turn=turn)
     provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
     return Artifact(child, demonstrations, operation, provenance, tuple(reports))
 

@@ -12,7 +12,7 @@ from skillctl.adapt.candidates import Candidates, candidates_from_store, require
 from skillctl.adapt.options import TaskOptions
 from skillctl.adapt.pace import PERIOD, paced
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
-from skillctl.adapt.together import Refit, Together, prove_together
+from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
@@ -160,12 +160,14 @@ def _merged(
     def build() -> tuple[Artifact, Certificate, _Details]:
         _try(options, sources)
         given = options.speed or 1.0
-        together = prove_together(sources, options.merge, speed=given, refit=refit, progress=progress)
+        together = prove_together(
+            prepared(sources, options), options.merge, speed=given, refit=refit, progress=progress
+        )
         merged = options.merge(together.parts, together.lyapunov)
         merged, notes = _paced(merged, sources) if options.speed is None else (merged, [])
         certificate = require_stable(certify(merged))
         done = operation.model_copy(update={"results": together.results})
-        artifact = child_artifact(merged, sources, done, together.reports)
+        artifact = child_artifact(merged, sources, done, together.reports, turn=options.turn)
         return artifact, certificate, _Details(together, notes=(*notes, *_follows_none(artifact)))
 
     return make(request, operation, build, parents=parents_of(sources), fits=partial(_fits, sources))
@@ -227,7 +229,7 @@ def _fitted(
     def build() -> tuple[Artifact, Certificate, _Details]:
         require_same_space(sources, demonstrations)
         _try(plain, sources)
-        together = prove_together(sources, plain.merge, refit=refit, progress=progress)
+        together = prove_together(prepared(sources, plain), plain.merge, refit=refit, progress=progress)
         fitted = fit_to_task(
             together.parts, demonstrations, together.lyapunov, level=task.level, target=target
         )
@@ -319,6 +321,8 @@ def _follows_none(artifact: Artifact) -> tuple[str, ...]:
 
 def _require_free_weights(options: MergeOptions) -> None:
     """Raise UsageError if options are given that fitting chooses itself."""
+    if options.turn:
+        raise UsageError("turn and fit exclude each other.", hint="Leave out --turn, or --fit.")
     for given, what in (
         (options.part_weights is not None, "weights"),
         (options.gate != "superposition", "gate"),

@@ -38,6 +38,7 @@ class SimulateReport:
             stay, [rad] or [m].
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
         target: Workspace position of the target, [m]; its joints for a skill that moves joints.
+        target_turn: Orientation q_xyzw of the target of a pose skill.
         unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
@@ -67,6 +68,7 @@ class SimulateReport:
     tip: str
     held: dict[str, float]
     unit: Unit
+    target_turn: tuple[float, ...] | None = None
 
 
 def simulate(
@@ -133,10 +135,11 @@ def simulate(
         log=log,
         picture=picture,
         video=video,
-        notes=(*setup.arm.notes, *proof_notes(source, scenario.control)),
+        notes=(*setup.arm.notes, *filter(None, [setup.avoided]), *proof_notes(source, scenario.control)),
         tip=setup.arm.tip_link,
         held=dict(setup.arm.held),
         unit=setup.unit,
+        target_turn=tuple(result.series.target_turns[-1].tolist()) if setup.turns else None,
     )
 
 

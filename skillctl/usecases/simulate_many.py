@@ -188,12 +188,25 @@ def _report(
         wall_seconds=wall_seconds,
         table=table,
         overview=overview,
-        notes=(*model.notes, *proof_notes(source, scenario.control), *_sameness(scenario)),
+        notes=(
+            *model.notes,
+            *_avoided(rows),
+            *proof_notes(source, scenario.control),
+            *_sameness(scenario),
+        ),
         hands=dict(Counter(row.trace.hand for row in rows if row.trace is not None).most_common()),
         tip=model.tip_link,
         held=dict(model.held),
         unit=source.skill.space.unit,
     )
+
+
+def _avoided(rows: tuple[Row, ...]) -> tuple[str, ...]:
+    """Return what of the scene the hand kept out of, for each way in which episodes differ in that."""
+    counts = Counter(row.trace.avoided for row in rows if row.trace is not None and row.trace.avoided)
+    if len(counts) == 1:
+        return tuple(counts)
+    return tuple(f"in {count} episodes {said}" for said, count in counts.most_common())
 
 
 def _sameness(scenario: Scenario) -> tuple[str, ...]:

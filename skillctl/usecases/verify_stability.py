@@ -161,7 +161,8 @@ def _verdict(
 
 def _reach(source: Source, certificate: Certificate, required: Requirements) -> Reach | None:
     """Return the bounds of motions from the required start box, if there is one and they are proved."""
-    names = source.skill.space.names
+    space = source.skill.space
+    names = space.names[: space.positions]
     for option, ranges in (("start-box", required.start_box), ("stay-in", required.stay_in)):
         if ranges is not None and ranges != DEMOS and len(ranges) != len(names):
             raise UsageError(
@@ -177,6 +178,6 @@ def _reach(source: Source, certificate: Certificate, required: Requirements) -> 
                 f"start-box: {source.name} carries no demonstrations.",
                 hint="Give the ranges of its coordinates.",
             )
-        return bound_reach(source.skill, certificate, *box(starts), period=required.period)
+        return bound_reach(source.skill, certificate, *box(starts[:, : len(names)]), period=required.period)
     low, high = zip(*required.start_box, strict=True)
     return bound_reach(source.skill, certificate, low, high, period=required.period)

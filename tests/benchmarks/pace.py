@@ -27,8 +27,9 @@ from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.demonstrations.writing import write_csv
 from skillctl.metrics import dtw
 from skillctl.model.demonstration import Demonstration
+from skillctl.model.retarget import retargeted
 from skillctl.model.rollout import rollout
-from skillctl.model.skill import Skill, retargeted
+from skillctl.model.skill import Skill
 from skillctl.store import read_skill
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import merge

@@ -45,6 +45,15 @@ def save_npz(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
+def save_npy(tmp_path: Path) -> Callable[[FloatArray], Path]:
+    def save(array: FloatArray) -> Path:
+        np.save(tmp_path / "reach.npy", array)
+        return tmp_path / "reach.npy"
+
+    return save
+
+
+@pytest.fixture
 def save_mat(tmp_path: Path) -> Callable[..., Path]:
     """Write a MATLAB 5 file, by SciPy."""
     from scipy.io import savemat

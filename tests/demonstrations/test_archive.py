@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from skillctl.demonstrations import archive
@@ -111,15 +108,6 @@ def test_a_spreadsheet_is_told_from_an_archive(tmp_path) -> None:
 # ------------------------------------------------------------------------------------- axes
 
 
-@pytest.fixture
-def save_npy(tmp_path: Path) -> Callable[[npt.NDArray[np.float64]], Path]:
-    def save(array: npt.NDArray[np.float64]) -> Path:
-        np.save(tmp_path / "reach.npy", array)
-        return tmp_path / "reach.npy"
-
-    return save
-
-
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 def test_axes_in_any_order_are_told_apart_by_their_sizes(save_npy, curve, order) -> None:
     motions = np.stack([curve(40, 3, seed=i) for i in range(9)])
@@ -169,7 +157,7 @@ def test_a_clock_and_a_quaternion_are_no_coordinates(save_npy, curve) -> None:
     assert demonstration.times.tolist() == times.tolist()
     assert result.notes == (
         "column 0 rises evenly and is read as the time.",
-        "columns 4 to 7 are unit quaternions and left aside.",
+        "columns 4 to 7 are unit quaternions and left aside; --orientation xyzw or wxyz reads them.",
     )
 
 

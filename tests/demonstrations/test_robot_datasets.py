@@ -62,15 +62,15 @@ def save_aloha(tmp_path: Path) -> Callable[..., Path]:
 
 def test_the_hand_of_maniskill_is_read_without_its_orientation(save_maniskill, curve) -> None:
     path = save_maniskill()
-    result = read_demonstrations([path], dt=0.05)
+    result = read_demonstrations([path], dt=0.05, position_only=True)
     assert [d.source for d in result.demonstrations] == [f"trajectory.h5, traj_{i}" for i in range(3)]
     for index, demonstration in enumerate(result.demonstrations):
         assert (demonstration.positions == curve(samples=10 + index, dimension=3, seed=index)).all()
     assert result.demonstrations.space.names == ("x", "y", "z")
     assert result.demonstrations.space.unit == "m"
     assert result.notes[0] == (
-        "the position is tcp_pose_0, tcp_pose_1, tcp_pose_2; left aside: agent/qpos, agent/qvel, tcp_pose_3, "
-        "tcp_pose_4, tcp_pose_5, tcp_pose_6; use --columns to choose others."
+        "the position is tcp_pose_0, tcp_pose_1, tcp_pose_2; left aside: agent/qpos, agent/qvel, "
+        "tcp_pose_qw, tcp_pose_qx, tcp_pose_qy, tcp_pose_qz; use --columns to choose others."
     )
 
 

@@ -38,8 +38,8 @@ def read(write) -> Callable[..., ReadResult]:
         "# timestamp [s] and pose\n" + ROWS,
     ],
 )
-def test_positions_are_read_and_orientations_left_aside(read, text: str) -> None:
-    result = read(text)
+def test_positions_are_read_and_orientations_left_aside_if_asked(read, text: str) -> None:
+    result = read(text, position_only=True)
     (demonstration,) = result.demonstrations
     assert demonstration.positions.tolist() == POSITIONS
     assert demonstration.times.tolist() == [
@@ -98,5 +98,5 @@ def test_eight_numbers_without_an_orientation_are_no_trajectory(read) -> None:
     text = "0 0 0 0 1 1 1 1\n1 0 0 1 1 1 1 1\n"
     with pytest.raises(InputDataError, match="line 1: numbers where the names of the columns should be"):
         read(text)
-    (demonstration,) = read(text, input_format="tum").demonstrations
+    (demonstration,) = read(text, input_format="tum", position_only=True).demonstrations
     assert demonstration.positions.tolist() == [[0, 0, 0], [0, 0, 1]]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Euclidean
 from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
 from skillctl.simulation.ik import Solution
 from skillctl.simulation.judge import Judge, Verdict
@@ -27,6 +28,7 @@ class Gantry:
     """Moves along x, y, z at up to 1 m/s and cannot be where 0.0105 < x < 0.0145."""
 
     model = SimpleNamespace(max_velocity=np.ones(3))
+    space = Euclidean.cartesian(3)
     lower, upper = np.full(3, -1.0), np.full(3, 1.0)
 
     def forward(self, joints: np.ndarray) -> np.ndarray:

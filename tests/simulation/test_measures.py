@@ -30,6 +30,10 @@ def series_of(hand: np.ndarray, **changed: np.ndarray) -> TimeSeries:
         "cups": np.full((rows, 7), np.nan),
         "contacts": np.zeros(rows, dtype=np.int64),
         "clearances": np.full(rows, np.nan),
+        "manipulability": np.full(rows, np.nan),
+        "hand_turns": np.full((rows, 4), np.nan),
+        "reference_turns": np.full((rows, 4), np.nan),
+        "target_turns": np.full((rows, 4), np.nan),
     }
     return TimeSeries(**{**fields, **changed})
 

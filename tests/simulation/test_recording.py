@@ -41,6 +41,10 @@ def episode(reach: SedsSkill) -> Episode:
         cups=generator.random((5, 7)),
         contacts=np.array([0, 0, 0, 2, 1]),
         clearances=np.array([0.1, np.nan, np.nan, np.nan, -0.002]),
+        manipulability=np.array([0.1, np.nan, np.nan, np.nan, np.nan]),
+        hand_turns=generator.random((5, 4)),
+        reference_turns=generator.random((5, 4)),
+        target_turns=generator.random((5, 4)),
     )
     plan = Plan(points[0], points[0, -1], True)
     placement = Placement(np.eye(3), np.zeros(3), 1.0, None)

@@ -129,7 +129,7 @@ def test_a_free_motion_obeys_the_skill(begin: Begin) -> None:
 def test_the_hand_keeps_its_orientation_while_it_is_pushed(begin: Begin) -> None:
     arm, target = begin()
     run(arm, target, 0.5, (0.0, 20.0, 0.0))
-    wanted = arm._kinematics.orientation(arm.state.hand)
+    wanted = arm.kinematics.orientation(arm.state.hand)
     assert abs(np.dot(arm.orientation, wanted)) > np.cos(0.5 * 0.1)  # within 0.1 rad
 
 

@@ -17,14 +17,15 @@ import pytest
 from skillctl import store
 from skillctl.errors import ArtifactError
 from skillctl.model.combined import CombinedSkill
-from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.pose import Pose
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
-from skillctl.model.space import Euclidean
+from skillctl.model.space import Euclidean, Space
 from skillctl.store import errors
 
 
@@ -51,14 +52,16 @@ def seds(seed: int, d: int = 2, k: int = 3, m: int = 2, *, attractor=None, speed
     )
 
 
-def taught(seed: int, space: Euclidean, count: int = 2) -> DemonstrationSet:
+def taught(seed: int, space: Space, count: int = 2) -> DemonstrationSet:
     rng = np.random.default_rng(seed)
     demonstrations = []
     for index in range(count):
         n = int(rng.integers(2, 9))
         times = np.cumsum(rng.uniform(0.01, 0.1, n))
         positions = rng.normal(size=(n, space.dimension))
-        demonstrations.append(Demonstration.from_positions(times, positions, f"motion-{seed}.csv#{index}"))
+        demonstrations.append(
+            Demonstration.from_positions(times, positions, f"motion-{seed}.csv#{index}", space)
+        )
     return DemonstrationSet(tuple(demonstrations), space)
 
 
@@ -119,6 +122,17 @@ def bent(skill: SedsSkill, seed: int = 11, bumps: int = 5) -> SedsSkill:
     return replace(skill, coordinates=Chain((Shears(linear, *numbers),)))
 
 
+def pose(seed: int, target=(0.5, -0.1, 0.4, 0.0, 3.0, -0.5), length: float = 0.25, **options) -> SedsSkill:
+    """A skill of poses whose blocks are coupled: that is for the proof to find."""
+    return replace(seds(seed, d=6, attractor=target, **options), space=Pose(length=length))
+
+
+def bent_pose(skill: SedsSkill) -> SedsSkill:
+    """The skill of poses with shears that bend positions alone."""
+    (shears,) = bent(seds(11, d=3)).coordinates.links
+    return replace(skill, coordinates=Chain((OnPosition(shears),)))
+
+
 def skills() -> dict[str, Skill]:
     a, b, c = seds(1), seds(2, k=1, m=1, speed=0.1), seds(3, k=4)
     merged = MergedSkill((a, b), np.array([0.3, 0.7]), "density", speed=1.7)
@@ -139,6 +153,13 @@ def skills() -> dict[str, Skill]:
         ),
         "bent": bent(a),
         "bent merged": MergedSkill((bent(a), bent(b)), np.array([0.3, 0.7])),
+        "pose": pose(1),
+        "poses merged": MergedSkill((bent_pose(pose(1)), bent_pose(pose(2))), np.array([0.3, 0.7])),
+        "poses combined": CombinedSkill(
+            (bent_pose(pose(3)), pose(4, target=(0.5, 0, 0, 0, 0, -1.0))),
+            np.array([0.5, 0.5]),
+            regions=(pose(6).density, pose(7, m=5).density),
+        ),
         "bent and plain": CombinedSkill((bent(seds(5, d=6)), seds(6, d=6)), np.array([0.25, 0.75])),
     }
 
@@ -165,6 +186,16 @@ def make_bent() -> Callable[..., SedsSkill]:
 @pytest.fixture(scope="session")
 def make_seds() -> Callable[..., SedsSkill]:
     return seds
+
+
+@pytest.fixture(scope="session")
+def make_pose() -> Callable[..., SedsSkill]:
+    return pose
+
+
+@pytest.fixture(scope="session")
+def make_bent_pose() -> Callable[..., SedsSkill]:
+    return lambda seed: bent_pose(pose(seed))
 
 
 @pytest.fixture(scope="session")

@@ -76,7 +76,7 @@ def test_a_digest_speaks_of_the_coordinates_too(hostile):
     ("instead", "cause"),
     [
         ({"linear": np.stack([np.eye(2)] * 3)}, "/model/.*: L is 4 here and 3 elsewhere"),
-        ({"directions": np.eye(3)}, "(d|S) is . here and . elsewhere"),
+        ({"directions": np.eye(3)}, "(c|S) is . here and . elsewhere"),
         ({"spacings": np.ones(3)}, "S is . here and . elsewhere"),
         ({"coefficients": np.zeros((2, 65, 2))}, "J = 65 is not within 1 to 64"),
         ({"leaf": np.zeros(2)}, "elements must be <i8"),

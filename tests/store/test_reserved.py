@@ -8,10 +8,6 @@ from skillctl import store
 from skillctl.store import errors, layout
 
 
-def pose(meta):
-    return {**meta, "state": {**meta["state"], "kind": "pose", "characteristic_length": 0.25}}
-
-
 def chain(meta, **instead):
     skill = {"kind": "chain", "parts": [meta["skill"]], "levels": [0.01], "events": [["close", "wait 0.5"]]}
     operation = {**meta["operation"], "command": "chain"}
@@ -39,13 +35,12 @@ def stored(meta) -> bytes:
 @pytest.mark.parametrize(
     ("change", "used"),
     [
-        (pose, "poses"),
         (chain, "a chain of skills and the command chain"),
         (adapted, "the command adapt"),
         (gated, "the gate avoiding"),
         (lambda meta: gated(meta, "experts"), "the gate experts"),
         (gated_below, "the gate latched"),
-        (lambda meta: adapted(pose(meta)), "poses and the command adapt"),
+        (lambda meta: adapted(chain(meta)), "a chain of skills and the command adapt"),
     ],
 )
 def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, used):
@@ -55,7 +50,7 @@ def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, u
 
 def test_the_hint_is_to_upgrade(with_meta, meta):
     with pytest.raises(errors.LaterFeatureError) as caught:
-        store.decode(with_meta(stored(pose(meta))))
+        store.decode(with_meta(stored(chain(meta))))
     assert caught.value.hint == "Upgrade skillctl."
 
 
@@ -79,15 +74,6 @@ def test_the_layout_of_a_chain(refuse, with_meta, meta, instead, cause):
 def test_a_chain_is_no_part(refuse, with_meta, meta):
     inner = chain(meta)["skill"]
     refuse(with_meta(stored(chain(meta, parts=[inner]))), "skill.chain.parts.0")
-
-
-@pytest.mark.parametrize("length", [0, -1, "1", None])
-def test_a_pose_has_a_characteristic_length(refuse, with_meta, meta, length):
-    changed = pose(meta)
-    changed["state"]["characteristic_length"] = length
-    refuse(with_meta(stored(changed)), "state.pose.characteristic_length")
-    euclidean = {**meta, "state": {**meta["state"], "characteristic_length": 1.0}}
-    refuse(with_meta(stored(euclidean)), "Extra inputs are not permitted")
 
 
 @pytest.mark.parametrize("path", [path for path, spec in layout.ARRAYS.items() if spec.since > 1])

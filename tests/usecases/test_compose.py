@@ -131,7 +131,7 @@ def test_a_merger_that_its_proof_makes_late_says_how_late(library, tmp_path):
     paths = [tmp_path / "a.h5", tmp_path / "b.h5"]
     for name, path in zip(["curve", "hook"], paths, strict=True):
         artifact = open_skill(name, library).artifact
-        slow = replace(artifact.skill, speed=artifact.skill.speed / 4)
+        slow = replace(artifact.skill.leaves[0], speed=artifact.skill.speed / 4)
         promised = artifact.operation.model_copy(
             update={"options": {**artifact.operation.options, "period": 1e3}}
         )

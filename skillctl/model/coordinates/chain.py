@@ -15,6 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
 
 Pull: TypeAlias = Callable[[FloatArray], FloatArray]  # leads velocities ẏ back to ẋ = Dc⁻¹ ẏ
 
@@ -47,6 +48,14 @@ class Link(ABC):
     @abstractmethod
     def check(self) -> tuple[str, ...]:
         """Return why the map is not exactly invertible, in sentences; none if it is."""
+
+    def turned(self, rotation: FloatArray) -> tuple[Link, FloatArray]:
+        """Return a map c′ of the same kind, and a rotation U (d, d), with c′(Q x) = U c(x) for a rotation Q.
+
+        Raises:
+            UsageError: Maps of this kind are tied to their directions.
+        """
+        raise UsageError(f"turn: coordinates of the kind {type(self).__name__} cannot be turned.")
 
     def forward_at(self, offset: FloatArray) -> FloatArray:
         """Return y = c(x) for one offset (d,)."""
@@ -138,6 +147,14 @@ class Chain(Link):
         """Return the same coordinates in other lengths; see ``Link``."""
         return Chain(tuple(link.in_unit(unit) for link in self.links))
 
+    def turned(self, rotation: FloatArray) -> tuple[Chain, FloatArray]:
+        """Return the chain in a turned frame, and how what it leads to is turned; see ``Link``."""
+        links = []
+        for link in self.links:
+            link, rotation = link.turned(rotation)
+            links.append(link)
+        return Chain(tuple(links)), rotation
+
     def check(self) -> tuple[str, ...]:
         """Return why the chain is not exactly invertible, in sentences; none if it is."""
         return tuple(sentence for link in self.links for sentence in link.check())
@@ -201,6 +218,13 @@ class OnPosition(Link):
     def in_unit(self, unit: float) -> OnPosition:
         """Return the same map in other lengths; see ``Link``."""
         return OnPosition(self.link.in_unit(unit), self.size)
+
+    def turned(self, rotation: FloatArray) -> tuple[OnPosition, FloatArray]:
+        """Return the map in a frame whose positions alone are turned; see ``Link``."""
+        link, inner = self.link.turned(rotation[: self.size, : self.size])
+        whole = rotation.copy()
+        whole[: self.size, : self.size] = inner
+        return OnPosition(link, self.size), whole
 
     def check(self) -> tuple[str, ...]:
         """Return why the map is not exactly invertible, in sentences; none if it is."""

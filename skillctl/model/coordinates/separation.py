@@ -7,29 +7,35 @@ import numpy as np
 from skillctl.arrays import FloatArray, length
 from skillctl.model.coordinates.gauge import Gauge
 
-MOST_STEPS = 300
+MOST_STEPS = 40
+SMALLEST = 1e-9  # a difference of two points that is none, as a share of that of the poles
 
 
 def separating(first: Gauge, second: Gauge, times: tuple[float, float]) -> FloatArray | None:
     """Return a direction along which {ν₁ ≤ t₁} lies before {ν₂ ≤ t₂}; None if none was found, (d,).
 
-    Gilbert's method on the differences of points of the two: w is the one that is farthest against v, and
-    v, the least difference known, moves to the least one between v and w. Once w·v > 0, v separates.
+    The bodies' own axes are tried first: of boxes side by side one of them does it. Then Gilbert's method on
+    the differences of points of the two: w is the one that is farthest against v, and v, the least
+    difference known, moves to the least one between v and w. Once w·v > 0, v separates.
 
     References:
         E. G. Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set,
         SIAM J. Control 4 (1966) 61–80.
     """
-    v = second.pole - first.pole
+    between = second.pole - first.pole
+    for axis in (between, *first.frame, *second.frame):
+        v = axis if axis.dot(between) > 0 else -axis
+        if v.dot(second.farthest(-v, times[1]) - first.farthest(v, times[0])) > 0:
+            return np.asarray(v / length(v))
+    v = between
     for _ in range(MOST_STEPS):
-        size = length(v)
-        if size == 0:
-            return None
         w = second.farthest(-v, times[1]) - first.farthest(v, times[0])
         if w.dot(v) > 0:
-            return np.asarray(v / size)
+            return np.asarray(v / length(v))
         step = v - w
         v = v - min(1.0, max(0.0, float(v.dot(step) / step.dot(step)))) * step
+        if length(v) < SMALLEST * length(between):
+            return None
     return None
 
 

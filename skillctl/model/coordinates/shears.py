@@ -84,6 +84,23 @@ class Shears(Frozen, Link):
         lengths = (unit * each for each in (self.firsts, self.spacings, self.coefficients))
         return Shears(self.linear, self.directions, *lengths)
 
+    def turned(self, rotation: FloatArray) -> tuple[Shears, FloatArray]:
+        """Return φ in a turned frame, and how what it leads to is turned; see ``Link``.
+
+        With L Qᵀ = Uᵀ L′, L′ upper triangular, all turns with U: w_i, a_i, and L′ Q = U L.
+        """
+        turn, linear = np.linalg.qr(self.linear @ rotation.T)
+        signs = np.where(np.diagonal(linear) < 0, -1.0, 1.0)
+        back = turn * signs  # Uᵀ
+        turned = Shears(
+            signs[:, None] * linear,
+            self.directions @ back,
+            self.firsts,
+            self.spacings,
+            self.coefficients @ back,
+        )
+        return turned, np.asarray(back.T)
+
     def check(self) -> tuple[str, ...]:
         """Return why φ is not exactly invertible, in sentences; see ``Link``.
 

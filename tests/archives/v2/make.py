@@ -16,11 +16,12 @@ import numpy as np
 
 from skillctl import store
 from skillctl.model.combined import CombinedSkill
-from skillctl.model.coordinates.chain import Chain
+from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.pose import Pose
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean
@@ -74,6 +75,44 @@ def bent(offset: float) -> SedsSkill:
         ),
     )
     return replace(seds(offset), coordinates=Chain((shears,)))
+
+
+POSES = Pose(frame="table", length=0.25)
+
+
+def pose(offset: float, turn: tuple[float, float, float] = (0.0, 3.0, -0.5)) -> SedsSkill:
+    """Return a skill of poses of two components; the first bends positions by a shear."""
+    covariance = np.diag([0.5, 0.25, 0.5, 0.125, 0.125, 0.25])
+    matrices = np.stack([np.diag([-1.0, -1.0, -2.0, -1.0, -0.5, -1.0]), np.diag([-0.5] * 3 + [-2.0] * 3)])
+    matrices[0, 0, 1], matrices[0, 1, 0], matrices[1, 3, 5], matrices[1, 5, 3] = 0.5, -0.5, 0.25, -0.25
+    shears = Shears(
+        linear=np.array([[0.5, 0.25, 0.0], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]]),
+        directions=np.array([[1.0, 0.0, 0.5]]),
+        firsts=np.array([-0.5]),
+        spacings=np.array([0.5]),
+        coefficients=np.array([[[0.0, 0.25, 0.0], [0.0, -0.5, 0.0], [0.0, 1.0, 0.0]]]),
+    )
+    return SedsSkill(
+        priors=np.array([0.25, 0.75]),
+        means=np.array([[0.0, 1.0, 0.5, 0.0, 0.25, 0.0], [2.0, -1.0, 0.5, 0.125, 0.0, 0.0]]) + offset,
+        covariances=np.stack([covariance, 2 * covariance]),
+        system_matrices=matrices,
+        residual_covariances=np.stack([covariance, covariance]) / 16,
+        attractor=np.array([0.5, -0.25, offset, *turn]),
+        lyapunov=np.diag([1.0, 2.0, 0.5, 1.0, 1.0, 1.0]),
+        density=GaussianMixture(np.array([1.0]), np.full((1, 6), offset), covariance[None]),
+        space=POSES,
+        coordinates=Chain((OnPosition(shears),)) if offset == 0 else Chain(),
+    )
+
+
+def turning() -> DemonstrationSet:
+    """Return a short motion that turns past half a turn."""
+    states = np.array(
+        [[-2.0, 1.0, 0.5, 0.0, 0.0, 2.5], [0.25, 0.5, 0.0, 0.0, 0.0, 3.0], [0.5, -0.25, 0.0, 0.0, 0.0, 3.75]]
+    )
+    motion = Demonstration.from_positions(np.arange(3) / 8, states, "turning.csv", POSES)
+    return DemonstrationSet((motion,), POSES)
 
 
 def demonstrations(offset: float) -> DemonstrationSet:
@@ -156,6 +195,16 @@ def archive() -> dict[str, store.Artifact]:
         "seds-bare.h5": artifact(right, (None,), "python"),
         "seds-bent.h5": artifact(bent(0.0), (demonstrations(0.0),), "learn"),
         "combined-bent.h5": artifact(CombinedSkill((bent(1.0), other), halves), (None, None), "python"),
+        "seds-pose.h5": artifact(pose(0.0), (turning(),), "learn"),
+        "combined-poses.h5": artifact(
+            CombinedSkill(
+                (pose(0.0), pose(1.0, (0.0, 0.0, 0.5))),
+                halves,
+                regions=(pose(0.0).density, pose(1.0).density),
+            ),
+            (None, turning()),
+            "python",
+        ),
         "seds-joints.h5": artifact(joints(), (None,), "learn"),
         "merged-superposition.h5": artifact(added, taught, "merge"),
         "merged-density.h5": artifact(dense, (None, None), "python"),
