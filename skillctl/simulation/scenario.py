@@ -323,6 +323,8 @@ class Scenario(Part):
         grasp: How the hand grasps and lifts.
         avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
             None: if the skill is in three dimensions at its own scale.
+        adapt: Whether the weights of a merged skill are chosen for each episode, by the commands that run
+            episodes (see ``skillctl.adapt.per_target``).
         disturbances: Pushes and jumps, with their times.
         episodes: Number of episodes of a batch.
         sampling: Ranges from which these are drawn.
@@ -357,6 +359,7 @@ class Scenario(Part):
     cup: Cup | None = None
     grasp: Grasp = Grasp()
     avoid: Flag | None = None
+    adapt: Flag = False
     disturbances: tuple[Disturbance, ...] = ()
     sampling: Sampling = Sampling()
 

@@ -19,7 +19,7 @@ from skillctl.simulation.scenario_file import to_toml
 from skillctl.toml_files import parse_toml
 
 SHELF, NONE = Shelf(), np.zeros((0, 3))
-POST = {"kind": "cylinder", "name": "post", "position": (0.5, 0.0, 0.5), "radius": 0.04, "height": 0.5}
+POST = {"kind": "cylinder", "name": "post", "position": (0.5, 0.0, 0.57), "radius": 0.04, "height": 0.3}
 
 
 def cluttered(**sampling: object) -> Scenario:
@@ -70,10 +70,10 @@ def test_touching_a_loose_obstacle_is_a_failure_of_its_own(linear: Callable[...,
     )
     from skillctl.simulation.run import simulate
 
-    scenario = Scenario(start=(0.5, 0.3, 0.5), avoid=False)
-    skill = linear((0.5, -0.3, 0.5))
+    scenario = Scenario(scene={"kind": "table"}, start=(0.5, 0.3, 0.6), avoid=False)
+    skill = linear((0.5, -0.3, 0.6))
     fixed = simulate(skill, scenario.changed(obstacles=[POST]))
-    loose = simulate(skill, scenario.changed(obstacles=[{**POST, "position": (0.5, 0.0, 0.25), "mass": 0.5}]))
+    loose = simulate(skill, scenario.changed(obstacles=[{**POST, "mass": 0.5}]))
     assert fixed.outcome == "shelf_contact"
     assert loose.outcome == "bottle_contact"
     assert "touched the post" in loose.detail
