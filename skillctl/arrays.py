@@ -12,10 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl.errors import InvalidModelError
+from skillctl.exact import clearly_definite
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+SMALLEST, LARGEST = 1e-100, 1e100  # of a number that acts
+UNCLEAR = 1e-10  # an eigenvalue beside ones that rounding, about 1e-14 for ten dimensions, may not decide
 
 
 class Frozen:
@@ -71,12 +75,38 @@ def length(vector: FloatArray) -> float:
 
 
 def require_spd(name: str, matrices: FloatArray) -> None:
-    """Raise InvalidModelError unless every matrix in a stack (..., d, d) is symmetric positive definite."""
+    """Raise InvalidModelError unless every matrix in a stack (..., d, d) is symmetric and clearly definite.
+
+    M is clearly definite if M − 2⁻⁴⁶ diag(M) ≻ 0: then Cholesky's factor and the inverse of M can be computed
+    in float64, whatever the units of its axes. That is decided exactly, by integers where eigenvalues of the
+    matrix with a diagonal of ones are too near to zero to tell.
+    """
     transposed = matrices.swapaxes(-1, -2)  # eigvalsh reads one triangle only
     if (matrices != transposed).any():
         raise InvalidModelError(f"{name}: must be symmetric.")
-    if np.linalg.eigvalsh(matrices).min() <= 0:
+    diagonals = np.diagonal(matrices, axis1=-2, axis2=-1)
+    if (diagonals <= 0).any():
         raise InvalidModelError(f"{name}: must be positive definite.")
+    roots = np.sqrt(diagonals)
+    with np.errstate(over="ignore"):
+        scaled = matrices / roots[..., :, None] / roots[..., None, :]
+    lowest = np.full(roots.shape[:-1], -1.0)
+    sane = (np.abs(scaled) <= 2).all(axis=(-2, -1))  # off the diagonal a definite one has less than 1
+    lowest[sane] = np.linalg.eigvalsh(scaled[sane])[..., 0]
+    for place in zip(*np.nonzero(np.atleast_1d(lowest) <= UNCLEAR), strict=True):
+        low = float(np.atleast_1d(lowest)[place])
+        if low < -UNCLEAR or not clearly_definite(matrices[place] if lowest.ndim else matrices):
+            raise InvalidModelError(f"{name}: must be positive definite, and not nearly singular.")
+
+
+def require_moderate(name: str, array: FloatArray) -> None:
+    """Raise InvalidModelError unless every number is zero, or of a size from 1e-100 to 1e100.
+
+    Products of a few of them neither overflow nor underflow, so what acts is what is proved.
+    """
+    sizes = np.abs(array[array != 0])
+    if sizes.size and not (sizes.min() >= SMALLEST and sizes.max() <= LARGEST):
+        raise InvalidModelError(f"{name}: must be zero or of a size from {SMALLEST:g} to {LARGEST:g}.")
 
 
 def require_positive(name: str, value: float) -> None:

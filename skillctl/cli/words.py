@@ -102,12 +102,12 @@ def gate(name: str, parameters: Mapping[str, float]) -> str:
 
 def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str, str]:
     """Return a proved rate, a proved period, and that period as the frequency a controller needs."""
-    from skillctl.stability.report import at_least, at_most
+    from skillctl.stability.report import at_least, least_frequency
 
     return (
         NONE if rate is None else f"{at_least(rate)} 1/s",
         NONE if period is None else f"{at_least(period)} s",
-        NONE if period is None else f"{at_most(1 / period)} Hz",
+        NONE if period is None else f"{least_frequency(period)} Hz",
     )
 
 

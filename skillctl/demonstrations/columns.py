@@ -53,7 +53,7 @@ ROLES = (  # the first that fits
     ),
     Role(
         "velocity",
-        "vel velocity velocities speed speeds twist acc accel acceleration jerk omega qd qdot dq gyro imu "
+        "vel velocity velocities linvel angvel speed speeds twist acc accel acceleration jerk omega qd qdot dq gyro imu "
         "dot xdot ydot zdot",
         "(.* )?(v|w|a|d|dt)[xyz]|(.* )?v( .*)? [xyz]",
     ),

@@ -19,7 +19,7 @@ DISTORTED = 0.05  # and so much is refused
 TURN = 6.6  # [rad]; angles of a hand are smaller than a turn, unless they are degrees
 HALF_TURN = np.pi  # [rad]; a skill reaches its end from orientations less far from it
 STILL = np.deg2rad(1.0)  # [rad]; recorders shake by less
-USUAL_LENGTH = 0.2  # [m/rad]; RoboTasks, where hands turn by 70 to 90°, have 0.33 to 0.45
+LENGTHS = (0.05, 0.5)  # [m/rad]; RoboTasks, where hands turn by 70 to 90°, have 0.36 and 0.42
 LEAVE = "Correct it, leave this demonstration out, or learn positions only with --position-only."  # hint
 HOMOGENEOUS = 16  # numbers of a 4 × 4 matrix
 
@@ -77,8 +77,8 @@ def _in_degrees(name: str, words: str, quaternions: Conversion) -> Convention:
     return Convention(f"{name}-deg", words, 3, lambda numbers: quaternions(np.deg2rad(numbers)))
 
 
-_RPY = "roll, pitch, yaw, turns about the fixed axes x, y, z in this order, in"
-_ROTVEC = "a rotation vector, axis times angle, in"
+_RPY = "turns about the fixed axes x, y and z, in this order, in"
+_ROTVEC = "a rotation vector (axis times angle) in"
 CONVENTIONS = {
     each.name: each
     for each in (
@@ -140,13 +140,13 @@ def quaternions_of(recording: Recording, samples: IntArray) -> tuple[FloatArray,
     def refuse(where: Any, words: str, hint: str = LEAVE) -> None:
         if where.any():
             place = recording.where(int(samples[np.argmax(where)]))
-            raise InputDataError(f"{recording.label}, {place}: {words}.", hint=hint)
+            raise InputDataError(f"{recording.label}, {place}: {words}", hint=hint)
 
-    refuse(~np.isfinite(numbers).all(axis=1), "its orientation is not finite")
+    refuse(~np.isfinite(numbers).all(axis=1), "its orientation is not finite.")
     refuse(
         (convention.angles(numbers) > TURN).any(axis=1),
         f"its orientation turns by up to {np.max(convention.angles(numbers), initial=0):.4g} rad; are these "
-        "degrees",
+        "degrees?",
         f"If so, say --orientation {convention.name}-deg, or write the unit in the header, as in roll_deg.",
     )
     quaternions = convention.quaternions(numbers)
@@ -157,10 +157,10 @@ def quaternions_of(recording: Recording, samples: IntArray) -> tuple[FloatArray,
         off = np.abs(square @ square.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
         what = "rotation matrices are not orthonormal"
         mirrored = (off <= DISTORTED) & (np.linalg.det(square) < 0)
-        refuse(mirrored, "its rotation matrix is left-handed, it mirrors (its determinant is -1)")
+        refuse(mirrored, "its rotation matrix is left-handed, it mirrors (its determinant is -1).")
     zero = (numbers == 0).all(axis=1) & (off > DISTORTED)
-    refuse(zero, "its orientation is all zeros, which is none; was it not measured")
-    refuse(off > DISTORTED, f"{what}, by {np.max(off):.0%}; are these columns the orientation")
+    refuse(zero, "its orientation is all zeros, which is none; was it not measured?")
+    refuse(off > DISTORTED, f"{what}, by {np.max(off):.0%}; are these columns the orientation?")
     worst = float(np.max(off))
     notes = (f"{recording.label}: {what}, by {worst:.1%}; they are corrected.",) if worst > ROUNDED else ()
     return _one_sign(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)), notes
@@ -206,15 +206,15 @@ def characteristic_length(motions: Sequence[FloatArray]) -> float:
     """Return how many metres of motions weigh as much as a radian of them, [m/rad].
 
     It is the ratio of the root mean squares of the distances from the end, over all samples of motions of
-    poses (T, 6), each motion counting alike; USUAL_LENGTH where the hand hardly turns or never moves.
+    poses (T, 6), each motion counting alike; within LENGTHS. Where a hand hardly turns, a degree of its
+    shaking would otherwise weigh as much as centimetres of its way.
     """
     moved = turned = 0.0
     for states in motions:
         moved += float(np.mean(np.sum((states[:, :3] - states[-1, :3]) ** 2, axis=1)))
         turned += float(np.mean(rotations.angles(states[:, 3:], states[-1, 3:]) ** 2))
-    if turned <= STILL**2 * len(motions) or moved == 0:
-        return USUAL_LENGTH
-    return float(np.sqrt(moved / turned))
+    ratio = np.sqrt(moved / turned) if turned > 0 else np.inf
+    return float(np.clip(ratio, *LENGTHS))
 
 
 def is_still(quaternions: Sequence[FloatArray]) -> bool:

@@ -112,7 +112,8 @@ def _named(columns: Sequence[Column], free: Iterable[int]) -> Iterator[Turn]:
     groups: dict[tuple[str, ...], dict[str, int]] = {}
     for index in sorted(free):
         words, part = _part(columns[index])
-        groups.setdefault(words, {}).setdefault(part, index)
+        if part:
+            groups.setdefault(words, {}).setdefault(part, index)
     for words, found in groups.items():
         for parts, conventions, certain in _forms(words, found, columns):
             if set(parts) == set(found):

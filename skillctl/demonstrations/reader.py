@@ -322,9 +322,10 @@ def _file_notes(
     taken = dict.fromkeys(name for recording in recordings for name in recording.taken)
     turns = [recording.orientation for recording in recordings if recording.orientation is not None]
     for names, convention in dict.fromkeys((turn.names, turn.convention) for turn in turns):
-        what = f"the orientation is {listed(names)}" if names else "the orientation is read as"
-        how = CONVENTIONS[convention].words
-        notes.append(f"{what}{', ' if names else ' '}{how}; --position-only leaves it aside.")
+        what = f"is {listed(names)}:" if names else "is read as"
+        notes.append(
+            f"the orientation {what} {CONVENTIONS[convention].words}; --position-only leaves it aside."
+        )
     used = {name for turn in turns for name in turn.names}
     unused = dict.fromkeys(name for recording in recordings for name in recording.unused if name not in used)
     if unused:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.arrays import FloatArray, Frozen, frozen_array, require_spd
+from skillctl.arrays import FloatArray, Frozen, frozen_array, require_moderate, require_spd
 from skillctl.geometry import squared_norms
 
 
@@ -27,6 +27,7 @@ class QuadraticForm(Frozen):
         matrix = frozen_array("lyapunov", self.matrix, (None, None))
         object.__setattr__(self, "matrix", frozen_array("lyapunov", matrix, (len(matrix),) * 2))
         require_spd("lyapunov", self.matrix)
+        require_moderate("lyapunov", self.matrix)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, QuadraticForm) and bool(np.array_equal(self.matrix, other.matrix))

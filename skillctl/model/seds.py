@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, Frozen, frozen_array, require_spd
+from skillctl.arrays import FloatArray, Frozen, frozen_array, require_moderate, require_spd
 from skillctl.errors import InvalidModelError
 from skillctl.model.coordinates.chain import IDENTITY, Chain
 from skillctl.model.gated import GatedField
@@ -78,6 +78,7 @@ class SedsSkill(Frozen, ActingSkill):
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), shape))
         require_spd("residual_covariances", self.residual_covariances)
         object.__setattr__(self, "form", QuadraticForm(self.lyapunov))
+        require_moderate("system_matrices", self.system_matrices)
         require_speed(self.speed, self.system_matrices)
         if self.density.dimension != d or self.space.dimension != d:
             raise InvalidModelError(f"density and space: must have the {d} dimensions of the means.")

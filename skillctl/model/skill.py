@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias, Type
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, IntArray, require_positive
+from skillctl.arrays import FloatArray, IntArray, require_moderate, require_positive
 from skillctl.errors import InvalidModelError
 from skillctl.model.coordinates.chain import Chain
 from skillctl.model.lyapunov import QuadraticForm
@@ -387,8 +387,7 @@ def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:
 
 
 def require_speed(speed: float, matrices: FloatArray) -> None:
-    """Raise InvalidModelError unless a speed is positive, and matrices times it are within float64."""
+    """Raise InvalidModelError unless a speed is positive, and it and what it moves are of moderate size."""
     require_positive("speed", speed)
-    with np.errstate(over="ignore"):
-        if not np.isfinite(speed * matrices).all():
-            raise InvalidModelError(f"speed: {speed!r} times the system matrices is beyond float64.")
+    require_moderate("speed", np.array([speed]))
+    require_moderate("speed times the system matrices", speed * matrices)

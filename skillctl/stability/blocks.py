@@ -9,11 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.exact import Dyadic, is_positive_definite
 from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.pose import Pose
 from skillctl.model.skill import ActingSkill
-from skillctl.stability.exact import Dyadic, is_positive_definite, largest_proved
+from skillctl.stability.exact import largest_proved
 
 NAMES = ("position", "orientation")
 

@@ -15,7 +15,7 @@ from skillctl.stability.report import (
     Scope,
     Verdict,
     at_least,
-    at_most,
+    least_frequency,
 )
 from skillctl.stability.sampling import search_witness
 
@@ -105,7 +105,7 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
             bent = ", in its coordinates," if skill.acting_parts[part.part - 1].coordinates.links else ""
             sentences.append(
                 f"{name} shrinks {_shrunk(bent, part)}, at every controller period up to "
-                f"{at_least(part.period)} s ({at_most(1 / part.period)} Hz or faster): exact for all "
+                f"{at_least(part.period)} s ({least_frequency(part.period)} Hz or faster): exact for all "
                 f"{len(part.components)} components."
             )
         if part.radius is not None and part.coupling:

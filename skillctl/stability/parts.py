@@ -7,17 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.exact import Dyadic, is_positive_definite
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import ActingSkill
 from skillctl.stability.blocks import Block, blocks_of, coupling, whole_of
-from skillctl.stability.exact import (
-    FLOAT64,
-    Dyadic,
-    decays,
-    is_positive_definite,
-    largest_proved,
-    steps_contract,
-)
+from skillctl.stability.exact import FLOAT64, decays, largest_proved, steps_contract
 from skillctl.stability.report import BlockCertificate, ComponentCertificate, PartCertificate
 
 MARGIN = 2.0**-40  # about 1e-12: far above float64 rounding of a velocity, far below any useful rate

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.exact import Dyadic, is_positive_definite, leading_minors
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.skill import Skill
 from skillctl.stability.blocks import whole_of
-from skillctl.stability.exact import Dyadic, is_positive_definite, leading_minors
 from skillctl.stability.sublevels import TRIES, Sublevels, sublevels_of
 
 # Exact numbers go through log, exp and sqrt, each good to a few units in the last place (2^-52); this share

@@ -189,5 +189,13 @@ def at_most(value: float, digits: int = 3) -> str:
     return _rounded(value, Context(prec=digits, rounding=ROUND_CEILING))
 
 
+def least_frequency(period: float, digits: int = 3) -> str:
+    """Return the lowest frequency [Hz] of controllers that are at least as fast as a period [s], as text.
+
+    1/Δt is rounded to a neighbour that may lie below it, hence the next number above.
+    """
+    return at_most(math.nextafter(1 / period, math.inf), digits)
+
+
 def _rounded(value: float, context: Context) -> str:
     return f"{float(context.create_decimal_from_float(value)):g}" if math.isfinite(value) else str(value)

@@ -12,17 +12,11 @@ from typing import TypeAlias
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.exact import Dyadic, is_positive_definite
 from skillctl.model.coordinates.enclosure import GUARD
 from skillctl.stability.blocks import Block
 from skillctl.stability.cells import highest
-from skillctl.stability.exact import (
-    Dyadic,
-    inverse_diagonal,
-    is_positive_definite,
-    largest_proved,
-    root_above,
-    rounded_up,
-)
+from skillctl.stability.exact import inverse_diagonal, largest_proved, root_above, rounded_up
 
 # From boxes (n, d) of offsets ξ − ξ* to numbers (n, k) that no offset in them exceeds.
 Measure: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]

@@ -20,7 +20,7 @@ from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.torque import TORQUE_PERIOD
 from skillctl.stability.certificate import certify
-from skillctl.stability.report import at_most
+from skillctl.stability.report import least_frequency
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
 
@@ -190,7 +190,7 @@ def proof_notes(source: Source, control: str) -> tuple[str, ...]:
     if period is None or period >= simulated:
         return ()
     return (
-        f"the proof of {source.name} needs a controller at {at_most(1 / period)} Hz or faster; "
+        f"the proof of {source.name} needs a controller at {least_frequency(period)} Hz or faster; "
         f"this one runs at {1 / simulated:.0f} Hz.",
     )
 

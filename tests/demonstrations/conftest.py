@@ -132,6 +132,7 @@ def save_robomimic(tmp_path: Path) -> Callable[..., Path]:
                         "agentview_image", data=np.zeros((len(motion), 8, 8, 3), "u1"), compression="gzip"
                     )
                     for name, made_of in observations.items():
+                        obs.pop(name, None)
                         obs[name] = made_of(motion)
             file["mask/train"] = np.array([b"demo_0"])
             edit(file)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,26 @@ class Messages:
         time = self.Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
         return self.Header(**self.seq, stamp=time, frame_id=frame)
 
-    def pose(self, stamp: int, position: FloatArray, frame: str = "panda_link0") -> Any:
-        turn = self.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+    def pose(
+        self,
+        stamp: int,
+        position: FloatArray,
+        frame: str = "panda_link0",
+        turn: Sequence[float] = (0, 0, 0, 1),
+    ) -> Any:
+        turn = self.Quaternion(*map(float, turn))
         pose = self.Pose(position=self.Point(*position.tolist()), orientation=turn)
         return self.PoseStamped(header=self.header(stamp, frame), pose=pose)
 
-    def transform(self, stamp: int, position: FloatArray, child: str, frame: str = "panda_link0") -> Any:
-        turn = self.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+    def transform(
+        self,
+        stamp: int,
+        position: FloatArray,
+        child: str,
+        frame: str = "panda_link0",
+        turn: Sequence[float] = (0, 0, 0, 1),
+    ) -> Any:
+        turn = self.Quaternion(*map(float, turn))
         transform = self.Transform(translation=self.Vector3(*position.tolist()), rotation=turn)
         return self.TransformStamped(
             header=self.header(stamp, frame), child_frame_id=child, transform=transform
@@ -118,6 +131,31 @@ def poses(motion: FloatArray, topic: str = "/pose", **options: Any) -> Callable[
 
 def stamps(motion: FloatArray) -> list[int]:
     return [EPOCH + PERIOD * i for i in range(len(motion))]
+
+
+@pytest.mark.parametrize("kind", ["PoseStamped", "TFMessage"])
+def test_orientations_of_poses_and_transforms_are_read(save, curve, kind: str) -> None:
+    motion = curve(dimension=3)
+    angles = np.linspace(0, 1, len(motion))  # about z: the quaternion is (0, 0, sin(angle/2), cos(angle/2))
+    turns = [(0, 0, np.sin(angle / 2), np.cos(angle / 2)) for angle in angles]
+
+    def made(messages: Messages) -> list[tuple[str, int, Any]]:
+        each = list(zip(stamps(motion), motion, turns, strict=True))
+        if kind == "PoseStamped":
+            return [("/pose", stamp, messages.pose(stamp, x, turn=turn)) for stamp, x, turn in each]
+        transforms = [messages.transform(stamp, x, "tool0", turn=turn) for stamp, x, turn in each]
+        return [
+            ("/tf", stamp, messages.TFMessage([transform]))
+            for stamp, transform in zip(stamps(motion), transforms, strict=True)
+        ]
+
+    path = save(made, "mcap")
+    result = read_demonstrations([path])
+    (demonstration,) = result.demonstrations
+    expected = np.column_stack([motion, 0 * angles, 0 * angles, angles])
+    assert np.abs(demonstration.positions - expected).max() <= 1e-15  # [rad], of float64
+    assert result.notes[1].startswith("the orientation is qx, qy, qz, qw: a quaternion x, y, z, w; ")
+    assert read_demonstrations([path], position_only=True).demonstrations.dimension == 3
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from scipy.spatial.transform import Rotation
 
 from skillctl.arrays import FloatArray
 from skillctl.demonstrations.reader import read_demonstrations
@@ -110,7 +111,7 @@ ACTION = {"action": (HAND, lambda motion: states(motion + 1, 8))}
 
 @pytest.mark.parametrize("version", TEMPLATES)
 def test_the_hand_is_read_of_every_episode(save, motions, version: str) -> None:
-    result = read_demonstrations([save(version, **HAND_STATE, **ACTION)])
+    result = read_demonstrations([save(version, **HAND_STATE, **ACTION)], position_only=True)
     assert len(result.demonstrations) == len(motions)
     for index, (demonstration, motion) in enumerate(zip(result.demonstrations, motions, strict=True)):
         assert (demonstration.positions == motion).all()
@@ -125,6 +126,17 @@ def test_the_hand_is_read_of_every_episode(save, motions, version: str) -> None:
         "use --columns to choose others."
     )
     assert result.sources[0].importer == "lerobot"
+
+
+def test_the_orientation_of_the_hand_is_read_from_its_own_state(save, motions) -> None:
+    result = read_demonstrations([save("v2.1", **HAND_STATE, **ACTION)])
+    assert result.notes[0].startswith("the orientation is roll, pitch, yaw: turns about")
+    assert "left aside: gripper_6, gripper_7; " in result.notes[1]
+    turn = Rotation.from_euler("xyz", [3, 4, 5])  # small letters: about fixed axes
+    for demonstration, motion in zip(result.demonstrations, motions, strict=True):
+        assert (demonstration.positions[:, :3] == motion).all()
+        turned = Rotation.from_rotvec(np.array(demonstration.positions[:, 3:]))
+        assert (turn.inv() * turned).magnitude().max() < 1e-14  # [rad], of float64
 
 
 @pytest.mark.parametrize("version", TEMPLATES)
@@ -149,7 +161,7 @@ def test_numbers_and_features_are_chosen_by_name(save, motions) -> None:
     assert (chosen.demonstrations[0].positions == moved[:, [1, 0]]).all()
     assert chosen.space.names == ("y", "x")
     whole = read_demonstrations([path], columns=["action"]).demonstrations
-    assert (whole.demonstrations[0].positions == moved).all()
+    assert (whole.demonstrations[0].positions[:, :3] == moved).all()
 
 
 @pytest.mark.parametrize(

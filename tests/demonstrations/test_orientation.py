@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from skillctl.arrays import FloatArray
-from skillctl.demonstrations.orientation import STILL, USUAL_LENGTH
+from skillctl.demonstrations.orientation import LENGTHS, STILL
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
@@ -78,6 +79,8 @@ HEADERS = {  # the header, and the columns behind t, x, y and z
     "matrix": ("t,x,y,z," + ",".join(f"r{i}{k}" for i in "123" for k in "123"), MATRICES),
     "matrix from zero": ("t,x,y,z," + ",".join(f"R[{i}][{k}]" for i in "012" for k in "012"), MATRICES),
     "both": ("t,x,y,z,roll,pitch,yaw,qw,qx,qy,qz", np.hstack([0 * ANGLES, W_FIRST])),
+    "beside other columns": ("t,x,y,z,grip,roll,pitch,yaw,wrench.force.x",
+                             np.hstack([ANGLES[:, :1], ANGLES, ANGLES[:, :1]])),
     "two things": ("t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw,head_qx,head_qy,head_qz,head_qw",
                    np.hstack([QUATERNIONS, 0 * QUATERNIONS + 0.5])),
 }  # fmt: skip
@@ -211,20 +214,62 @@ def test_a_still_orientation_is_kept(read_text: Text) -> None:
     still = np.tile(END.as_quat(), (SAMPLES, 1))
     result = read_text(table("t,x,y,z,qx,qy,qz,qw", still))
     assert apart(turned(result.demonstrations), END) <= 10 * WRITTEN
-    assert result.demonstrations.space == Pose(length=USUAL_LENGTH)
+    assert result.demonstrations.space == Pose(length=LENGTHS[1])
     assert "the orientation does not change; the skill keeps it." in result.notes
 
 
 def test_the_characteristic_length_is_the_ratio_of_the_spreads(write) -> None:
-    # A hand that moves straight by 0.4 m while it turns by 0.8 rad about one axis has 0.5 m/rad everywhere.
+    # A hand that moves straight by 0.2 m while it turns by 0.8 rad about one axis has 0.25 m/rad everywhere.
     paths: list[Path] = []
     for way in (t, DONE):
-        rows = np.column_stack([TIMES, np.outer(1 - way, [0.4, 0, 0, 0, 0, 0.8])])
+        rows = np.column_stack([TIMES, np.outer(1 - way, [0.2, 0, 0, 0, 0, 0.8])])
         lines = [",".join(map(repr, row)) for row in rows.tolist()]
         paths.append(write("\n".join(["t,x,y,z,rx,ry,rz", *lines]), f"{len(paths)}.csv"))
     space = read_demonstrations(paths).demonstrations.space
     assert isinstance(space, Pose)
-    assert abs(space.length - 0.5) <= CLOSE
+    assert abs(space.length - 0.25) <= CLOSE
+
+
+# ------------------------------------------------------------------------------------------- data sets
+
+
+def test_quaternions_of_robomimic_are_x_y_z_w(save_robomimic) -> None:
+    path = save_robomimic(
+        [MOTION], robot0_eef_quat=lambda _: QUATERNIONS, robot0_eef_quat_site=lambda _: W_FIRST
+    )
+    for columns in (None, ["robot0_eef_pos"]):
+        result = read_demonstrations([path], columns=columns)
+        assert apart(turned(result.demonstrations)) <= CLOSE
+    result = read_demonstrations([path])
+    assert result.notes[0].startswith("the orientation is robot0_eef_quat: a quaternion x, y, z, w; ")
+    assert "left aside: robot0_eef_quat_site; use --columns" in result.notes[1]
+    assert read_demonstrations([path], position_only=True).demonstrations.dimension == 3
+    one_by_one = [f"robot0_eef_pos_{i}" for i in range(3)]
+    assert read_demonstrations([path], columns=one_by_one).demonstrations.dimension == 3
+    named = [*one_by_one, *(f"robot0_eef_quat_{axis}" for axis in "xyzw")]
+    assert apart(turned(read_demonstrations([path], columns=named).demonstrations)) <= CLOSE
+
+
+def test_poses_of_maniskill_are_w_x_y_z(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "trajectory.h5", "w") as file:
+        file["traj_0/obs/extra/tcp_pose"] = np.hstack([MOTION, W_FIRST])
+        file["traj_0/obs/agent/qpos"] = np.zeros((SAMPLES, 9))
+    result = read_demonstrations([tmp_path / "trajectory.h5"], dt=0.05)
+    assert apart(turned(result.demonstrations)) <= CLOSE
+
+
+def test_poses_of_damm_are_x_y_z_w(save_mat, cell) -> None:
+    pose = np.vstack([MOTION.T, QUATERNIONS.T, TIMES])
+    path = save_mat({"data_ee_pose": cell({"pose": pose}, {"pose": pose})})
+    assert apart(turned(read_demonstrations([path], demos=[1]).demonstrations)) <= CLOSE
+
+
+def test_tum_trajectories_are_poses(write) -> None:
+    rows = np.column_stack([TIMES, MOTION, QUATERNIONS])
+    text = "".join(" ".join(f"{value:.9f}" for value in row) + "\n" for row in rows)
+    result = read_demonstrations([write(text, "groundtruth.txt")])
+    assert result.sources[0].importer == "tum"
+    assert apart(turned(result.demonstrations)) <= 10 * WRITTEN
 
 
 # -------------------------------------------------------------------------------------------- refusals

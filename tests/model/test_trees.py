@@ -137,7 +137,7 @@ def test_parts_of_a_merger_share_attractor_p_and_space(make_skill, parts):
         ({"gate": "experts", "parameters": {"sharpness": np.nan}}, "sharpness: must be at least 1"),
         ({"parameters": {"sharpness": 2.0}}, "the superposition gate does not take it"),
         ({"speed": -1.0}, "speed: must be a positive number"),
-        ({"speed": 1e308}, "beyond float64"),
+        ({"speed": 1e308}, "speed: must be zero or of a size from 1e-100"),
         ({"parts": ()}, "parts: at least one is needed"),
     ],
 )
@@ -221,7 +221,7 @@ def test_a_combined_skill_is_no_part(combined):
         ({"gate": "sometimes"}, "gate: one of latched, instantaneous"),
         ({"disturbance_distance": 0.0}, "disturbance_distance: must be a positive number"),
         ({"speed": np.nan}, "speed: must be a positive number"),
-        ({"speed": 1e308}, "beyond float64"),
+        ({"speed": 1e308}, "speed: must be zero or of a size from 1e-100"),
     ],
 )
 def test_a_combination_is_valid_or_does_not_exist(combined, options, words):

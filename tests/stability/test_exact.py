@@ -6,7 +6,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from skillctl.stability.exact import Dyadic, decays, is_positive_definite, leading_minors, steps_contract
+from skillctl.exact import Dyadic, is_positive_definite, leading_minors
+from skillctl.stability.exact import decays, steps_contract
 
 EPS = np.finfo(float).eps
 

@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from skillctl.exact import Dyadic
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import Chain, Link
 from skillctl.model.lyapunov import QuadraticForm
@@ -15,7 +16,7 @@ from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
 from skillctl.stability.certificate import certify
-from skillctl.stability.exact import Dyadic, inverse_diagonal, root_above, rounded_up
+from skillctl.stability.exact import inverse_diagonal, root_above, rounded_up
 from skillctl.stability.parts import proved_rate
 from skillctl.stability.reach import bound_reach
 from skillctl.stability.sublevels import sublevels_of

@@ -95,7 +95,7 @@ def test_an_unstable_skill_is_read(hostile):
     def edit(body):
         body["model/system_matrices"][0] = np.zeros((2, 2))
         body["model/system_matrices"][1] = np.eye(2)
-        body["model/system_matrices"][2] = np.array([[-1.0, 1e-300], [-1e-300, -5e-324]])
+        body["model/system_matrices"][2] = np.array([[-1.0, 1e-100], [-1e-100, 0.0]])
 
     read = store.decode(hostile(edit, honest=True))
     assert (read.skill.leaves[0].system_matrices[1] == np.eye(2)).all()

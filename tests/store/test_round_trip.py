@@ -88,8 +88,9 @@ def skill_trees(draw, make_seds):
     def leaf():
         k, m = draw(st.integers(1, 3)), draw(st.integers(1, 3))
         made = make_seds(draw(st.integers(0, 99)), d, k, m, speed=draw(positive))
-        # Four speeds of up to 1e3 each may multiply a matrix; beyond float64 a skill is refused.
-        any_matrices = draw(hnp.arrays(float, (k, d, d), elements=st.floats(-1e290, 1e290)))
+        # Four speeds of 1e-3 to 1e3 may multiply a matrix; beyond 1e-100 … 1e100 a skill is refused.
+        sizes = st.floats(1e-88, 1e88) | st.floats(-1e88, -1e-88) | st.just(0.0)
+        any_matrices = draw(hnp.arrays(float, (k, d, d), elements=sizes))
         fields = {name: getattr(made, name) for name in LEAF_ARRAYS} | {"system_matrices": any_matrices}
         return SedsSkill(**fields, density=made.density, space=made.space, speed=made.speed)
 
