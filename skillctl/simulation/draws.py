@@ -14,7 +14,8 @@ from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
 from skillctl.simulation.clutter import bottles
-from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario
+from skillctl.simulation.scenario import Cup, Sampling, Scenario
+from skillctl.simulation.values import Range
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
 CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
