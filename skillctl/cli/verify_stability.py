@@ -209,7 +209,8 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
         return [[verdict.skill, "unreadable", *["–"] * 7]]
     counts = [len(part.components) for part in certificate.parts]
     figures = words.rate_and_period(certificate.rate, certificate.period)
-    said = certificate.verdict, verdict.outcome, certificate.scope
+    scope = f"{certificate.scope}{', all weights' if certificate.all_weights else ''}"
+    said = certificate.verdict, verdict.outcome, scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
     for part, count in zip(certificate.parts, counts, strict=True):
         if len(counts) > 1:

@@ -120,6 +120,8 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
         facts.append(("decay rate", f"at least {rate}"))
     if period != NONE:
         facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
+    if certificate.all_weights:
+        facts.append(("weights", "proved for all"))
     return tuple(facts)
 
 
