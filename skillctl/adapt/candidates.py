@@ -10,6 +10,7 @@ from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.skill import ActingSkill
+from skillctl.model.space import Space
 from skillctl.store import Lock, Registry, existing_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill
@@ -82,7 +83,7 @@ def candidates_from_store(
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
             continue
-        if isinstance(source.skill, ActingSkill) and source.skill.space == space:
+        if isinstance(source.skill, ActingSkill) and _alike(source.skill.space, space):
             sources.append(source)
     if len(sources) < 2:
         raise UsageError(
@@ -92,6 +93,11 @@ def candidates_from_store(
         )
     digests = tuple(source.artifact.digest for source in sources)
     return Candidates(_helpful(sources, demonstrations), digests, tuple(notes))
+
+
+def _alike(space: Space, other: Space) -> bool:
+    """Return whether states of two spaces are alike; a characteristic length can be changed."""
+    return all(getattr(space, what) == getattr(other, what) for what in ("kind", "names", "unit", "frame"))
 
 
 def _helpful(sources: Sequence[Source], demonstrations: DemonstrationSet) -> tuple[Source, ...]:

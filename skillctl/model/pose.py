@@ -105,9 +105,10 @@ class Pose(Space):
             moved[..., :3] = goal[:3] + rotations.turned(moved[..., :3] - goal[:3], base)
         return moved
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
-        return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+        positions = Space.mean(self, states[:, :3], weights)
+        return np.concatenate([positions, rotations.mean(states[:, 3:], weights)])
 
     def tangent(self, states: FloatArray, target: FloatArray) -> tuple[FloatArray, Place]:
         """Return offsets (n, 6), and what leads their velocities to twists (n, 6): ω = R* J(r/ℓ) ṙ / ℓ.

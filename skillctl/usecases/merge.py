@@ -210,9 +210,17 @@ def _fitted(
         report = TaskReport(
             fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
         )
+        space = fitted.skill.space
+        apart = (
+            () if space.flat else ("the errors count an angle by the characteristic length of the skills.",)
+        )
         idle = [source.name for i, source in enumerate(sources) if i not in fitted.used]
         left_out = [f"{', '.join(idle)}: no weight, left out."] if idle else []
-        return artifact, certificate, _Details(together, report, (*read.notes, *found.notes, *left_out))
+        return (
+            artifact,
+            certificate,
+            _Details(together, report, (*read.notes, *found.notes, *left_out, *apart)),
+        )
 
     fits = partial(_fits, sources)
     return make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits), sources
