@@ -40,6 +40,7 @@ from skillctl.usecases.make import (
     write_child,
 )
 
+ANGLES = "the errors count angles by the characteristic length of the skills."
 STRAY = (
     0.05  # of the extent; skills are within 1 or 2 % of what they were taught, mixtures of two ways 5 to 30 %
 )
@@ -210,17 +211,12 @@ def _fitted(
         report = TaskReport(
             fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
         )
-        space = fitted.skill.space
-        apart = (
-            () if space.flat else ("the errors count an angle by the characteristic length of the skills.",)
-        )
-        idle = [source.name for i, source in enumerate(sources) if i not in fitted.used]
-        left_out = [f"{', '.join(idle)}: no weight, left out."] if idle else []
-        return (
-            artifact,
-            certificate,
-            _Details(together, report, (*read.notes, *found.notes, *left_out, *apart)),
-        )
+        notes = [*read.notes, *found.notes]
+        if idle := [source.name for i, source in enumerate(sources) if i not in fitted.used]:
+            notes.append(f"{', '.join(idle)}: no weight, left out.")
+        if not fitted.skill.space.flat:
+            notes.append(ANGLES)
+        return artifact, certificate, _Details(together, report, tuple(notes))
 
     fits = partial(_fits, sources)
     return make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits), sources
