@@ -75,6 +75,7 @@ class MergeReport(MakeReport):
         lyapunov: Origin of the common Lyapunov matrix; see ``skillctl.adapt.together.Together``.
         refits: Leaves that were learned again, if any.
         task: How it was fitted to a task; None if it was not, or was up to date.
+        target: The attractor in the numbers in which a target is given; of poses with a quaternion.
     """
 
     parts: tuple[PartSummary, ...]
@@ -86,6 +87,7 @@ class MergeReport(MakeReport):
     lyapunov: LyapunovOrigin
     refits: tuple[Refit, ...] = ()
     task: TaskReport | None = None
+    target: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +273,7 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
         lyapunov=cast("LyapunovOrigin", artifact.operation.results["lyapunov"]),
         refits=details.together.refits if details else (),
         task=details.task if details else None,
+        target=skill.space.given(skill.attractors[0]),
     )
 
 
