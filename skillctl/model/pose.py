@@ -15,6 +15,7 @@ from skillctl.errors import StateError
 from skillctl.model.space import AXIS_NAMES, Place, Space, numbers
 
 POSE_NAMES = (*AXIS_NAMES, "rx", "ry", "rz")
+MEDIAN_STEPS, SAME = 20, 1e-6  # of the median of orientations; [rad], angles count as no less
 SEAM = 0.2  # [rad] past half a turn from the target up to which a controller keeps the side it was on
 
 
@@ -113,6 +114,13 @@ class Pose(Space):
     def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
         return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+
+    def middle(self, states: FloatArray) -> FloatArray:
+        """Return the median of positions and that of orientations (6,): the sum of angles to it is least."""
+        turn = rotations.mean(states[:, 3:])
+        for _ in range(MEDIAN_STEPS):  # each of weight one over its angle, as Weiszfeld's method has it
+            turn = rotations.mean(states[:, 3:], 1 / np.maximum(rotations.angles(states[:, 3:], turn), SAME))
+        return np.concatenate([np.median(states[:, :3], axis=0), turn])
 
     def tangent(self, states: FloatArray, target: FloatArray) -> tuple[FloatArray, Place]:
         """Return offsets (n, 6), and what leads their velocities to twists (n, 6): ω = R* J(r/ℓ) ṙ / ℓ.

@@ -127,6 +127,10 @@ class Space(ABC):
         """Return the mean (d,) of states (n, d) with weights (n,) that sum to one."""
         return np.asarray(weights @ states)
 
+    def middle(self, states: FloatArray) -> FloatArray:
+        """Return the median (d,) of states (n, d), of each coordinate: one far off hardly moves it."""
+        return np.asarray(np.median(states, axis=0))
+
     def distance(self, to: FloatArray, start: FloatArray) -> FloatArray:
         """Return how far apart states (..., d) are, in the unit. Shape (...)."""
         return np.asarray(np.linalg.norm(self.difference(to, start), axis=-1))

@@ -157,7 +157,7 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         provenance = current_provenance(
             inputs=[input_record(file.path, file.sha256, file.importer) for file in read.sources]
         )
-        require_room_for_records(embedded(align(read.demonstrations)[0]), operation, provenance)
+        require_room_for_records(embedded(*align(read.demonstrations)), operation, provenance)
         fitted = fit(read.demonstrations, options, progress=progress)
         certificate = require_stable(certify(fitted.skill), LEARN_AGAIN)
         left_out = _left_out(read, request, progress)
