@@ -117,7 +117,7 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         *words.held_out(HeldOut.recorded(results), unit),
         *words.warnings(results.get("warnings", ())),
     )
-    found: list[render.Block] = [render.Facts(facts)]
+    found: list[render.Block] = [render.Facts(facts), *words.recorded_clauses(results)]
     if report.at is not None:
         found.append(_place(report.at, space))
     turned = {"roll, pitch, yaw": lambda leaf: words.roll_pitch_yaw(leaf.roll_pitch_yaw)}

@@ -59,6 +59,11 @@ class Reporting:
         group=REPORTS,
         help="Say which bodies of a scenario file the hand is proved clear of, at its target there.",
     )
+    task: Path | None = option(
+        metavar="T.toml",
+        group=REQUIRED,
+        help="Every clause of this task has to hold of motions from its start box; see `adapt`.",
+    )
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=REPORTS, help="Draw where and how fast V shrinks."
     )
@@ -104,6 +109,7 @@ def verify_stability(
             lock=place.lock,
             required=required,
             scene=reporting.scene,
+            task=reporting.task,
             workers=workers,
             progress=progress,
         )
@@ -146,7 +152,9 @@ def blocks(report: VerifyReport) -> list[render.Block]:
         for block in _bounds(verdict.skill, verdict.reach, report.required)
     ]
     scenes = [block for verdict in report.skills for block in _among(verdict)]
-    return [render.Table(tuple(headings), tuple(map(tuple, rows))), *bounds, *scenes, *_explanations(report)]
+    tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
+    table = render.Table(tuple(headings), tuple(map(tuple, rows)))
+    return [table, *bounds, *scenes, *tasks, *_explanations(report)]
 
 
 def _among(verdict: SkillVerdict) -> list[render.Block]:
@@ -201,7 +209,8 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
         return [[verdict.skill, "unreadable", *["–"] * 7]]
     counts = [len(part.components) for part in certificate.parts]
     figures = words.rate_and_period(certificate.rate, certificate.period)
-    said = certificate.verdict, verdict.outcome, certificate.scope
+    scope = f"{certificate.scope}{', all weights' if certificate.all_weights else ''}"
+    said = certificate.verdict, verdict.outcome, scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
     for part, count in zip(certificate.parts, counts, strict=True):
         if len(counts) > 1:
@@ -230,6 +239,5 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than usual."""
-    return replace(report.required, start_box=None, stay_in=None) != Requirements() or bool(
-        report.required.stay_in
-    )
+    usual = replace(report.required, start_box=None, stay_in=None) == Requirements()
+    return not usual or bool(report.required.stay_in) or any(each.task for each in report.skills)

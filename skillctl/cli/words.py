@@ -12,6 +12,7 @@ from skillctl.cli.render import Table, table
 from skillctl.simulation.arms import ARMS
 
 if TYPE_CHECKING:
+    from skillctl.adapt.report import TaskVerdict
     from skillctl.adapt.together import Refit
     from skillctl.cli.output import Output
     from skillctl.evaluate.errors import HeldOut
@@ -119,6 +120,8 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
         facts.append(("decay rate", f"at least {rate}"))
     if period != NONE:
         facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
+    if certificate.all_weights:
+        facts.append(("weights", "proved for all"))
     return tuple(facts)
 
 
@@ -136,6 +139,41 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
         NONE if period is None else f"{at_least(period)} s",
         NONE if period is None else f"{least_frequency(period)} Hz",
     )
+
+
+def margin(value: float | None, unit: str) -> str:
+    """Return a margin of a clause with its sign; lengths in millimetres."""
+    if value is None:
+        return NONE
+    scaled, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    return f"{scaled:+.3g} {unit}"
+
+
+def proved_margin(bound: float | None, unit: str) -> str:
+    """Return whether a clause is proved, with the margin that is; a dash if it can only be measured."""
+    return NONE if bound is None else f"{yes_no(bound >= 0)}, {margin(bound, unit)}"
+
+
+def clauses(verdict: TaskVerdict, skill: str) -> Table:
+    """Return a table of how a skill does a task, clause by clause."""
+    columns = {
+        f"{skill}: clause": lambda row: row.clause,
+        "margin": lambda row: margin(row.margin, row.unit),
+        "proved": lambda row: proved_margin(row.bound, row.unit),
+    }
+    return table(verdict.clauses, columns)
+
+
+def recorded_clauses(results: Mapping[str, Any]) -> list[Table]:
+    """Return a table of the clauses of the task that a skill was adapted to, if it was."""
+    keys = ("clauses", "margins", "bounds", "units")
+    columns = {
+        "clause of its task": lambda row: row[0],
+        "margin": lambda row: margin(row[1], row[3]),
+        "proved": lambda row: proved_margin(row[2], row[3]),
+    }
+    rows = list(zip(*(results.get(key, ()) for key in keys), strict=True))
+    return [table(rows, columns)] if rows else []
 
 
 def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:

@@ -29,40 +29,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.options import Board, Control, HandPolicy, Plane
+from skillctl.simulation.values import (
+    Count,
+    Flag,
+    NotNegative,
+    Number,
+    Part,
+    Place,
+    Point,
+    Positive,
+    PositiveRange,
+    Range,
+    Seed,
+    Vector,
+)
 from skillctl.toml_files import complaint
 
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
-
-# Strict: 0.3 and 1 are numbers, "0.3" and true are not.
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-NotNegative: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
-Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
-Seed: TypeAlias = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
-Flag: TypeAlias = Annotated[bool, Field(strict=True)]
-Vector: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
-Point: TypeAlias = tuple[Number, Number, Number]
-Place: TypeAlias = tuple[Number, Number]
-Range: TypeAlias = tuple[Number, Number]
-PositiveRange: TypeAlias = tuple[Positive, Positive]
-
-
-class Part(BaseModel):
-    """A frozen part of a scenario, in which an unknown key is an error, so that misspelt ones are found."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> Part:
-        for name in type(self).model_fields:
-            if name.endswith("_range") and (ends := getattr(self, name)) is not None and ends[0] > ends[1]:
-                raise ValueError(f"{name}: the first number must not be above the second.")
-        return self
 
 
 class Shelf(Part):
@@ -122,7 +110,7 @@ class BoxObstacle(Part):
 
 
 class CylinderObstacle(Part):
-    """An upright cylinder; see ``BoxObstacle``."""
+    """An upright cylinder; see ``BoxObstacle``. With a ``mass`` [kg] it stands loose, as a bottle does."""
 
     kind: Literal["cylinder"] = "cylinder"
     name: str = "cylinder"
@@ -130,6 +118,7 @@ class CylinderObstacle(Part):
     yaw: Number = 0.0
     radius: Positive
     height: Positive
+    mass: Positive | None = None
 
 
 class MeshObstacle(Part):
@@ -248,6 +237,7 @@ class Sampling(Part):
         start_scatter: Instead of these: standard deviation, [m], of a normal distribution around the start
             of one of the skill's demonstrations, which is drawn, too.
         mass_range, friction_range, radius_range: Ranges of the cup's properties.
+        bottles: Number of bottles that stand beside the cup, on its board (see ``clutter``).
     """
 
     cup_x_range: Range | None = None
@@ -260,6 +250,7 @@ class Sampling(Part):
     mass_range: PositiveRange | None = None
     friction_range: PositiveRange | None = None
     radius_range: PositiveRange | None = None
+    bottles: Count | None = None
 
     @model_validator(mode="after")
     def _starts_are_whole(self) -> Sampling:
@@ -309,6 +300,7 @@ class Scenario(Part):
         grasp: How the hand grasps and lifts.
         avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
             None: if the skill is in three dimensions at its own scale.
+        adapt: Whether the use cases choose a merged skill's weights for each episode (see ``adapt``).
         disturbances: Pushes and jumps, with their times.
         episodes: Number of episodes of a batch.
         sampling: Ranges from which these are drawn.
@@ -343,6 +335,7 @@ class Scenario(Part):
     cup: Cup | None = None
     grasp: Grasp = Grasp()
     avoid: Flag | None = None
+    adapt: Flag = False
     disturbances: tuple[Disturbance, ...] = ()
     sampling: Sampling = Sampling()
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from skillctl.adapt.report import TaskVerdict
 from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
@@ -27,6 +28,9 @@ from skillctl.store.source import Source, open_skill
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
+if TYPE_CHECKING:
+    from skillctl.adapt.asked import AskedTask
+
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
 
@@ -43,11 +47,12 @@ class SkillVerdict:
         outcome: ``proved``: everything that is required. ``not proved``: something is not, or is refuted.
             ``inconclusive``: neither a proof nor a witness for the required scope. ``not signed``: nothing is
             refuted, but the required signature is not valid. ``unreadable``: see ``error``.
-        unmet: The requirements that are not met, in sentences.
+        unmet: The requirements that are not met, and the clauses of the task that fail, in sentences.
         signature: State of the required signature; None if none is required.
         reach: Where its motions from the start box go, and when they arrive; None if no box was given, or if
             nothing is proved of them.
         clearance: Which bodies of the scene its hand is proved clear of; None if no scene was given.
+        task: How it does the task; None if no task was given.
     """
 
     skill: str
@@ -60,6 +65,7 @@ class SkillVerdict:
     signature: SignatureState | None = None
     reach: Reach | None = None
     clearance: Clearance | None = None
+    task: TaskVerdict | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,7 @@ def verify_stability(
     lock: Lock | None = None,
     required: Requirements | None = None,
     scene: Path | None = None,
+    task: Path | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> VerifyReport:
@@ -88,6 +95,7 @@ def verify_stability(
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
         scene: A scenario file: of which of its bodies is the hand proved clear?
+        task: A task file; every skill has to do the task as it is, by all motions that are followed.
         workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
 
@@ -111,8 +119,13 @@ def verify_stability(
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
     scenario = None if scene is None else read_scenario(scene)
-    task = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario)
-    verdicts = workers.run(task, named, done=done)
+    asked = None
+    if task is not None:
+        from skillctl.adapt.asked import AskedTask  # late: it reads demonstrations, and scenes
+
+        asked = AskedTask.read(task, place, lock)
+    work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
+    verdicts = workers.run(work, named, done=done)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict
@@ -152,6 +165,7 @@ def _verdict(
     lock: Lock | None,
     required: Requirements,
     scenario: Scenario | None,
+    asked: AskedTask | None,
 ) -> SkillVerdict:
     try:
         source = open_skill(reference, store, lock)
@@ -162,6 +176,8 @@ def _verdict(
     certificate = certify(source.skill, digest=digest)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
+    task = None if asked is None else asked.judged(source.skill, certificate)
+    unmet = (*unmet, *(() if task is None else task.failures))
     outcome: Outcome = "proved"
     if unmet:
         unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
@@ -172,7 +188,9 @@ def _verdict(
     state = None if signed is None else signed.state
     path = source.located.path
     clear = None if scenario is None else _clearance(source, scenario, required)
-    return SkillVerdict(source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear)
+    return SkillVerdict(
+        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task
+    )
 
 
 def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:
