@@ -233,6 +233,13 @@ class Pose(Space):
         turn = rotations.vector_of(*rotations.product_of(rotations.quaternion_of(*r), inverse))
         return np.array([x - px, y - py, z - pz, *turn])
 
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one pose (6,)."""
+        x, y, z, *r = state.tolist()
+        dx, dy, dz, *by = difference.tolist()
+        turned = rotations.product_of(rotations.quaternion_of(*by), rotations.quaternion_of(*r))
+        return np.array([x + dx, y + dy, z + dz, *rotations.vector_of(*turned)])
+
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return √(‖Δp‖² + ℓ²θ²) of two poses (6,), [m]."""
         moved, turned = self.speeds(self.difference_at(to, start))

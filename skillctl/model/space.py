@@ -139,6 +139,10 @@ class Space(ABC):
         """Return as ``difference`` for two states (d,)."""
         return self.difference(to, start)
 
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one state (d,)."""
+        return self.displace(state, difference)
+
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return how far apart two states (d,) are, in the unit."""
         return length(self.difference(to, start))
