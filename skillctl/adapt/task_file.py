@@ -54,7 +54,7 @@ from skillctl.adapt.clauses import (
     Vector,
     Via,
 )
-from skillctl.adapt.keep_out import BODIES, Body, box_between
+from skillctl.adapt.keep_out import BODIES, AnyKeepOut, box_between
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
@@ -163,7 +163,7 @@ class Task(Table):
     target: Target
     start: Start
     via: tuple[Via, ...] = ()
-    keep_out: tuple[Body, ...] = ()
+    keep_out: tuple[AnyKeepOut, ...] = ()
     stay_in: tuple[StayIn, ...] = ()
     approach: Approach | None = None
     limits: Limits = Limits()
