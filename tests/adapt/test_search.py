@@ -182,9 +182,7 @@ def test_what_is_proved_of_each_clause():
     assert verdict.holds
     assert bounds["target"] == 0.02
     assert bounds["wide"] == pytest.approx(2 - np.sqrt(2), abs=1e-9)
-    assert bounds["tight"] == pytest.approx(
-        -0.1 - -np.sqrt(2) - 2 * (np.sqrt(2) - 0.1), abs=1e-9
-    )  # not proved
+    assert bounds["tight"] == pytest.approx(0.1 - np.sqrt(2), abs=1e-9)  # not proved
     assert bounds["far"] == pytest.approx(3.0 - 0.5 - 0.1 - np.sqrt(2), abs=1e-6)
     assert bounds["near"] is None
     assert bounds["limits.period"] == pytest.approx(2.0 - 0.5, abs=1e-6)  # |1 − Δt| < 1 for Δt < 2
