@@ -9,7 +9,7 @@ import pytest
 
 from skillctl.adapt.blends import Blends
 from skillctl.adapt.judge import Judge
-from skillctl.adapt.search import search
+from skillctl.adapt.search import search, shortlist
 from skillctl.adapt.task_file import Task
 from skillctl.adapt.verdict import judge_task
 from skillctl.errors import UsageError
@@ -189,3 +189,13 @@ def test_what_is_proved_of_each_clause():
     # From √2 to 0.02 at rate 1 it takes ln(√2 / 0.02) at least; the bound is about 1 mm, and for long steps.
     assert 0 < bounds["limits.time"] < 20 - np.log(np.sqrt(2) / 0.02)
     assert {each.clause for each in verdict.clauses if each.proved} >= {"target", "wide", "far"}
+
+
+def test_of_many_skills_those_that_move_differently_are_taken():
+    crowd = [linear([[-1.0, 0.0], [0.0, -4.0 - 0.01 * i]]) for i in range(5)]  # all but the same motion
+    wanted = task(via=[{"name": "middle", "point": (0.5, 0.5), "within": 0.08}])
+    skills = [*crowd, STEEP, *crowd]
+    chosen = shortlist(wanted, skills)
+    assert len(chosen) == 3
+    assert 5 in chosen
+    assert search(wanted, [skills[i] for i in chosen]).best.holds
