@@ -54,6 +54,11 @@ class Reporting:
         group=REPORTS,
         help="Write a report; give it again for more. It is written whatever is wrong with a skill.",
     )
+    scene: Path | None = option(
+        metavar="F.toml",
+        group=REPORTS,
+        help="Say which bodies of a scenario file the hand is proved clear of, at its target there.",
+    )
     task: Path | None = option(
         metavar="T.toml",
         group=REQUIRED,
@@ -103,6 +108,7 @@ def verify_stability(
             store=place.store,
             lock=place.lock,
             required=required,
+            scene=reporting.scene,
             task=reporting.task,
             workers=workers,
             progress=progress,
@@ -145,8 +151,22 @@ def blocks(report: VerifyReport) -> list[render.Block]:
         if verdict.reach is not None
         for block in _bounds(verdict.skill, verdict.reach, report.required)
     ]
+    scenes = [block for verdict in report.skills for block in _among(verdict)]
     tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
-    return [render.Table(tuple(headings), tuple(map(tuple, rows))), *bounds, *tasks, *_explanations(report)]
+    table = render.Table(tuple(headings), tuple(map(tuple, rows)))
+    return [table, *bounds, *scenes, *tasks, *_explanations(report)]
+
+
+def _among(verdict: SkillVerdict) -> list[render.Block]:
+    """Return what the hand is proved clear of, if a scene was given."""
+    found = verdict.clearance
+    if found is None:
+        return []
+    facts = (
+        ("the hand is proved clear of", ", ".join(found.clear) or "nothing"),
+        ("it may meet", ", ".join(found.may_meet) or "nothing else that the scene names"),
+    )
+    return [render.Facts(facts), render.Lines(f"{verdict.skill} in this scene", found.proof)]
 
 
 def _bounds(name: str, reach: Reach, required: Requirements) -> tuple[render.Block, ...]:
@@ -189,7 +209,8 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
         return [[verdict.skill, "unreadable", *["–"] * 7]]
     counts = [len(part.components) for part in certificate.parts]
     figures = words.rate_and_period(certificate.rate, certificate.period)
-    said = certificate.verdict, verdict.outcome, certificate.scope
+    scope = f"{certificate.scope}{', all weights' if certificate.all_weights else ''}"
+    said = certificate.verdict, verdict.outcome, scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
     for part, count in zip(certificate.parts, counts, strict=True):
         if len(counts) > 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,28 @@ def length(value: float | None, unit: str) -> str:
     return f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.4f} {unit}"
 
 
+def angle(value: float | None) -> str:
+    """Return an angle [rad] for people, in degrees; a dash if there is none."""
+    return NONE if value is None or not math.isfinite(value) else f"{math.degrees(value):.2f}°"
+
+
+def apart(distance: float | None, turned: float | None, unit: str) -> str:
+    """Return a distance for people, and an angle [rad] beside it if there is one."""
+    text = length(distance, unit)
+    return text if turned is None else f"{text}, {angle(turned)}"
+
+
+def roll_pitch_yaw(angles: Sequence[float] | None) -> str:
+    """Return an orientation for people: degrees about the fixed axes x, then y, then z; a dash if none."""
+    return NONE if angles is None else ", ".join(f"{math.degrees(each) + 0.0:.4g}°" for each in angles)
+
+
+def state(names: Sequence[str], units: Sequence[str]) -> str:
+    """Return the coordinates of a state, those of one unit together."""
+    pairs = groupby(zip(names, units, strict=True), key=lambda pair: pair[1])
+    return "; ".join(f"{', '.join(name for name, _ in group)} in {unit}" for unit, group in pairs)
+
+
 def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     """Return a number with a few significant digits; a dash if there is none."""
     if value is None or not math.isfinite(value):
@@ -52,6 +75,12 @@ def percent(share: float | None) -> str:
 def point(values: Sequence[float], unit: str = "") -> str:
     """Return coordinates as they are typed on the command line."""
     return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
+
+
+def velocity(values: Sequence[float], units: Sequence[str]) -> str:
+    """Return a velocity, coordinates of one unit together."""
+    pairs = groupby(zip(values, units, strict=True), key=lambda pair: pair[1])
+    return "; ".join(f"{point([value for value, _ in group])} {unit}/s" for unit, group in pairs)
 
 
 def near(path: Path) -> str:
@@ -91,6 +120,8 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
         facts.append(("decay rate", f"at least {rate}"))
     if period != NONE:
         facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
+    if certificate.all_weights:
+        facts.append(("weights", "proved for all"))
     return tuple(facts)
 
 
@@ -225,7 +256,8 @@ def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_le
     return table(reports, columns)
 
 
-def per_second(value: float | None, unit: str) -> str:
-    """Return a speed for people."""
+def per_second(value: float | None, unit: str, turning: float | None = None) -> str:
+    """Return a speed for people, and beside it how fast something turns, [rad/s], if it does."""
     text = length(value, unit)
-    return text if text == NONE else f"{text}/s"
+    moving = text if text == NONE else f"{text}/s"
+    return moving if turning is None else f"{moving} and {angle(turning)}/s"

@@ -19,6 +19,7 @@ from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
 from skillctl.plotting.task import draw_task
+from skillctl.stability.parts import least
 from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
@@ -170,10 +171,16 @@ def bounds_of(certificate: Certificate) -> Bounds:
         words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
         verdict=words,
-        rate=certificate.rate if everywhere else None,
+        rates=_rates(certificate) if everywhere else (None, None),  # of as many blocks as there may be
         radii=tuple(part.radius for part in certificate.parts),
         witness=certificate.sampling.witness if certificate.sampling else None,
     )
+
+
+def _rates(certificate: Certificate) -> tuple[float | None, ...]:
+    """Return the proved rate of all parts: one, or those of position and orientation apart."""
+    blocks = zip(*(part.blocks for part in certificate.parts), strict=True)
+    return tuple(least([block.rate for block in each]) for each in blocks) or (certificate.rate,)
 
 
 def _write(path: Path, figure: Drawing) -> None:

@@ -11,8 +11,10 @@ from typing import Any
 from skillctl.adapt.asked import AskedTask
 from skillctl.adapt.report import TaskVerdict
 from skillctl.errors import UsageError, require_directory
+from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.batch import Adapt
 from skillctl.simulation.draws import chosen
 from skillctl.simulation.episode import PHASES, Episode, Metrics, Outcome, Unit
 from skillctl.simulation.recording import encode_log, log_format
@@ -121,7 +123,9 @@ def simulate(
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
     files = _files(source.name, log, picture, video, progress)
-    result = run_episode(source.skill, scenario, progress=progress, gui=gui)
+    adapt = adapting(scenario, source.skill)
+    skill = adapt(source.skill, scenario) if adapt else source.skill
+    result = run_episode(skill, scenario, progress=progress, gui=gui)
     for path, encode in files:
         if progress is not None:
             progress("drawing", 0, 1)
@@ -191,6 +195,20 @@ def _files(
 
         files.append((video, partial(encode_video, kind=film_format(video.name), progress=progress)))
     return files
+
+
+def adapting(scenario: Scenario, skill: Skill) -> Adapt | None:
+    """Return what adapts a skill to an episode, None if the scenario does not ask for it.
+
+    Raises:
+        UsageError: It does, and the weights of this skill cannot be chosen.
+    """
+    if not scenario.adapt:
+        return None
+    from skillctl.adapt.per_target import adapted, require_merged  # late: most runs do not adapt
+
+    require_merged(skill)
+    return adapted
 
 
 def proof_notes(source: Source, control: str) -> tuple[str, ...]:

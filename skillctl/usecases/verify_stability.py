@@ -14,7 +14,11 @@ from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
+from skillctl.simulation.prepare import among_scene
+from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scenario_file import read_scenario
 from skillctl.stability.certificate import certify
+from skillctl.stability.clearance import Clearance, clearance
 from skillctl.stability.reach import Reach, bound_reach
 from skillctl.stability.report import Certificate
 from skillctl.stability.requirements import DEMOS, Requirements
@@ -47,6 +51,7 @@ class SkillVerdict:
         signature: State of the required signature; None if none is required.
         reach: Where its motions from the start box go, and when they arrive; None if no box was given, or if
             nothing is proved of them.
+        clearance: Which bodies of the scene its hand is proved clear of; None if no scene was given.
         task: How it does the task; None if no task was given.
     """
 
@@ -59,6 +64,7 @@ class SkillVerdict:
     unmet: tuple[str, ...] = ()
     signature: SignatureState | None = None
     reach: Reach | None = None
+    clearance: Clearance | None = None
     task: TaskVerdict | None = None
 
 
@@ -76,6 +82,7 @@ def verify_stability(
     store: str | Path | None = None,
     lock: Lock | None = None,
     required: Requirements | None = None,
+    scene: Path | None = None,
     task: Path | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
@@ -87,13 +94,16 @@ def verify_stability(
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
+        scene: A scenario file: of which of its bodies is the hand proved clear?
         task: A task file; every skill has to do the task as it is, by all motions that are followed.
         workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
 
     Raises:
         NotFoundError: There is no such cluster.
-        UsageError: A box of another dimension than a skill, or ``demos`` for a skill without demonstrations.
+        UsageError: A box of another dimension than a skill, ``demos`` for a skill without demonstrations, or
+            a skill that a scene means nothing to.
+        InputDataError: The scenario file cannot be used.
     """
     required = required or Requirements()
     named, finished = [str(reference) for reference in references], 0
@@ -108,12 +118,13 @@ def verify_stability(
     workers = workers or Workers()
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
+    scenario = None if scene is None else read_scenario(scene)
     asked = None
     if task is not None:
         from skillctl.adapt.asked import AskedTask  # late: it reads demonstrations, and scenes
 
         asked = AskedTask.read(task, place, lock)
-    work = partial(_verdict, store=place, lock=lock, required=required, asked=asked)
+    work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
     verdicts = workers.run(work, named, done=done)
     return VerifyReport(
         tuple(
@@ -153,6 +164,7 @@ def _verdict(
     store: str | Path | None,
     lock: Lock | None,
     required: Requirements,
+    scenario: Scenario | None,
     asked: AskedTask | None,
 ) -> SkillVerdict:
     try:
@@ -175,11 +187,27 @@ def _verdict(
         outcome = "not proved" if outcome == "not proved" else "not signed"
     state = None if signed is None else signed.state
     path = source.located.path
-    return SkillVerdict(source.name, path, digest, certificate, None, outcome, unmet, state, reach, task)
+    clear = None if scenario is None else _clearance(source, scenario, required)
+    return SkillVerdict(
+        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task
+    )
 
 
-def _reach(source: Source, certificate: Certificate, required: Requirements) -> Reach | None:
-    """Return the bounds of motions from the required start box, if there is one and they are proved."""
+def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:
+    """Return which bodies of a scene the hand of a skill, moved to the scene's target, is proved clear of."""
+    among = among_scene(source.skill, scenario)
+    reach = _reach(source, certify(among.skill), required, among.skill)
+    return clearance(among.skill, among.avoided, among.others, reach)
+
+
+def _reach(
+    source: Source, certificate: Certificate, required: Requirements, skill: Skill | None = None
+) -> Reach | None:
+    """Return the bounds of motions from the required start box, if there is one and they are proved.
+
+    They are those of the skill itself, or of what has become of it in a scene.
+    """
+    skill = source.skill if skill is None else skill
     space = source.skill.space
     names = space.names[: space.positions]
     for option, ranges in (("start-box", required.start_box), ("stay-in", required.stay_in)):
@@ -197,6 +225,6 @@ def _reach(source: Source, certificate: Certificate, required: Requirements) -> 
                 f"start-box: {source.name} carries no demonstrations.",
                 hint="Give the ranges of its coordinates.",
             )
-        return bound_reach(source.skill, certificate, *box(starts[:, : len(names)]), period=required.period)
+        return bound_reach(skill, certificate, *box(starts[:, : len(names)]), period=required.period)
     low, high = zip(*required.start_box, strict=True)
-    return bound_reach(source.skill, certificate, low, high, period=required.period)
+    return bound_reach(skill, certificate, low, high, period=required.period)
