@@ -110,7 +110,7 @@ def test_only_merged_skills_of_a_few_parts_have_weights_to_choose(swinging):
 def test_where_nothing_is_in_the_way_a_skill_keeps_its_weights(swinging):
     own = with_weights(swinging, [0.37, 0.63])
     found = adapted(own, scenario(0.5).changed(obstacles=()))
-    assert found.part_weights == pytest.approx([0.37, 0.63], rel=1e-15)
+    assert found.shares == pytest.approx([0.37, 0.63], rel=1e-15)
 
 
 def test_gates_that_the_search_does_not_follow_are_refused(swinging):
