@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from skillctl import rotations
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.geometry import resample_by_arc_length
@@ -36,8 +37,43 @@ def dtw(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) 
         Sakoe & Chiba 1978, symmetric steps with weight one; the mean over the path is a convention.
     """
     costs = _pairwise_distances(first, second, count)
-    if costs is None:
+    return np.inf if costs is None else _warped(costs)
+
+
+def dtw_angle(first: npt.ArrayLike, second: npt.ArrayLike, count: int = CURVE_POINTS) -> float:
+    """Return the mean angle between matched orientations under dynamic time warping.
+
+    As ``dtw``, of curves on the unit sphere of quaternions, whose arc length is half the angle turned.
+
+    Args:
+        first: Rotation vectors, shape (T, 3), [rad].
+        second: Shape (U, 3).
+        count: Orientations per resampled curve.
+
+    Returns:
+        In [rad]; infinite if a curve diverged.
+    """
+    a, b = _curve(first), _curve(second)
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
         return np.inf
+    p, q = (_resampled_turns(each, count)[:, None] for each in (a, b))
+    q = q.swapaxes(0, 1)
+    # Quaternions q and −q are one orientation; 2 sin(θ/4) is the length of the chord between the nearer two.
+    chords = np.minimum(np.linalg.norm(p - q, axis=2), np.linalg.norm(p + q, axis=2))
+    return _warped(np.asarray(4 * np.arcsin(np.minimum(0.5 * chords, 1.0))))
+
+
+def _resampled_turns(turns: FloatArray, count: int) -> FloatArray:
+    """Return ``count`` quaternions (count, 4), equally far apart, along rotation vectors (T, 3)."""
+    q = rotations.quaternions(turns)
+    flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    q[1:] *= np.cumprod(flips)[:, None]
+    chords = resample_by_arc_length(q, count)
+    return np.asarray(chords / np.linalg.norm(chords, axis=1, keepdims=True))
+
+
+def _warped(costs: FloatArray) -> float:
+    """Return the mean cost of matched pairs on the matching with the least sum of costs (N, M)."""
     table = _alignment_table(costs)
     return float(table[-1, -1] / _path_length(table))
 

@@ -17,6 +17,7 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 SMALL = 1e-4  # of an angle: below it the first terms of a series are exact to float64
+UPRIGHT = 1e-7  # [rad] from a pitch of 90°: nearer to it, roll and yaw would be mostly rounding
 
 
 def quaternions(rotations: FloatArray) -> FloatArray:
@@ -59,6 +60,21 @@ def matrices(rotations: FloatArray) -> FloatArray:
     """Return the rotation matrices (..., 3, 3) of rotation vectors."""
     columns = turned(np.eye(3), quaternions(rotations)[..., None, :])
     return np.asarray(columns.swapaxes(-1, -2))
+
+
+def roll_pitch_yaw(rotations: FloatArray) -> FloatArray:
+    """Return the angles (..., 3) about the fixed axes x, then y, then z of rotation vectors, [rad].
+
+    With a pitch of 90° or −90° only the sum or difference of roll and yaw counts: then yaw is zero.
+    """
+    m = matrices(rotations)
+    level = np.hypot(m[..., 0, 0], m[..., 1, 0])
+    upright = level < UPRIGHT
+    roll = np.arctan2(
+        np.where(upright, -m[..., 1, 2], m[..., 2, 1]), np.where(upright, m[..., 1, 1], m[..., 2, 2])
+    )
+    yaw = np.where(upright, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    return np.stack([roll, np.arctan2(-m[..., 2, 0], level), yaw], axis=-1)
 
 
 def angles(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -72,3 +72,18 @@ def test_the_mean_agrees_and_knows_no_signs(random):
     near = Rotation.from_rotvec([0.5, 3.0, 0.2]) * Rotation.from_rotvec(0.3 * random.as_rotvec()[:20])
     weights = np.linspace(1.0, 2.0, 20)
     assert same(rotations.mean(near.as_rotvec(), weights), near.mean(weights))
+
+
+def test_roll_pitch_and_yaw_turn_about_fixed_axes(random):
+    found = rotations.roll_pitch_yaw(random.as_rotvec())
+    assert same(Rotation.from_euler("xyz", found).as_rotvec(), random)  # small letters: fixed axes
+    assert np.abs(found[:, 1]).max() <= np.pi / 2
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0])
+def test_upright_there_is_no_yaw(pitch):
+    upright = Rotation.from_euler("xyz", [20.0, pitch, -50.0], degrees=True)
+    roll, _, yaw = rotations.roll_pitch_yaw(upright.as_rotvec())
+    assert yaw == 0
+    found = Rotation.from_euler("xyz", [roll, np.radians(pitch), 0.0])
+    assert (found.inv() * upright).magnitude() <= rotations.UPRIGHT

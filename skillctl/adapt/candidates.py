@@ -69,29 +69,42 @@ def candidates_from_store(
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
         FitError: No skill moves along with them.
     """
-    registry, space = Registry(existing_store(store)), demonstrations.space
+    root, space = existing_store(store), demonstrations.space
+    readable, notes = newest_of_store(root, lock, but=but)
+    sources = [s for s in readable if isinstance(s.skill, ActingSkill) and s.skill.space == space]
+    if len(sources) < 2:
+        raise UsageError(
+            f"the store {root} has {len(sources)} skills with coordinates "
+            f"{', '.join(space.names)} in {space.unit}, frame {space.frame}; at least two are needed.",
+            hint="Learn more skills, or name another store with --store.",
+        )
+    digests = tuple(source.artifact.digest for source in sources)
+    return Candidates(_helpful(sources, demonstrations), digests, notes)
+
+
+def newest_of_store(
+    root: Path, lock: Lock | None = None, *, but: str | None = None
+) -> tuple[list[Source], tuple[str, ...]]:
+    """Return the newest version of each skill of a store, and a sentence for each that cannot be read.
+
+    Args:
+        root: Its directory.
+        lock: Only the skills and the versions that it names.
+        but: A name to leave out.
+    """
+    registry = Registry(root)
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():
         if name == but or (lock is not None and not lock.names(name)):
             continue
         try:
-            source = open_skill(name, registry.root, lock)
+            sources.append(open_skill(name, registry.root, lock))
         except NotLockedError:
             raise
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
-            continue
-        if isinstance(source.skill, ActingSkill) and source.skill.space == space:
-            sources.append(source)
-    if len(sources) < 2:
-        raise UsageError(
-            f"the store {registry.root} has {len(sources)} skills with coordinates "
-            f"{', '.join(space.names)} in {space.unit}, frame {space.frame}; at least two are needed.",
-            hint="Learn more skills, or name another store with --store.",
-        )
-    digests = tuple(source.artifact.digest for source in sources)
-    return Candidates(_helpful(sources, demonstrations), digests, tuple(notes))
+    return sources, tuple(notes)
 
 
 def _helpful(sources: Sequence[Source], demonstrations: DemonstrationSet) -> tuple[Source, ...]:

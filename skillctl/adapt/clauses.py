@@ -54,12 +54,12 @@ class Paths:
     @cached_property
     def positions(self) -> FloatArray:
         """Positions of the hand. Shape (n, T, 3), or (n, T, d) of a skill that moves something else."""
-        return self.states[..., :3] if self.space.kind == "pose" else self.states
+        return self.states[..., : self.space.positions]
 
     @cached_property
     def gaps(self) -> FloatArray:
-        """Distance to the target at every state. Shape (n, T), [m]."""
-        return np.asarray(self.space.distance(self.states, self.target))
+        """Distance of the position to the target at every state. Shape (n, T), [m]."""
+        return lengths(self.positions - self.target[: self.space.positions])
 
     @cached_property
     def ways(self) -> FloatArray:
@@ -218,7 +218,7 @@ class Approach(Clause):
         """Return how far from the largest angle the motion stays; none at all counts as the best."""
         unit = np.array(self.direction) / np.linalg.norm(self.direction)
         cosines = np.clip(paths.ways @ unit / np.maximum(paths.lengths, STILL), -1.0, 1.0)
-        gaps = lengths(paths.positions[:, 1:] - paths.target[: paths.positions.shape[-1]])
+        gaps = paths.gaps[:, 1:]
         near = (gaps <= self.distance) & (gaps > paths.tolerance) & (paths.lengths > STILL)
         return np.asarray(self.within_deg - np.degrees(np.arccos(np.where(near, cosines, 1.0).min(axis=1))))
 
@@ -237,8 +237,8 @@ class Limit(Clause):
     most: Positive
 
     def scale(self, way: float) -> float:
-        """Return a quarter of the number."""
-        return 0.25 * self.most
+        """Return a tenth of the number: the room that the search leaves where it chooses the speed."""
+        return 0.1 * self.most
 
 
 class SpeedLimit(Limit):

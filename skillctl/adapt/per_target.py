@@ -127,7 +127,7 @@ class Weighing:
             keep_out=[box for box in boxes if float(box.distances(target)) > 0],  # others cannot be helped
         )
         parts = [retargeted(part, target) for part in skill.parts]
-        return cls(skill, Judge.of(task, skill.space, start[None]), Blends(parts))
+        return cls(skill, Judge.of(task, skill, start[None]), Blends(parts))
 
     def margins(self, tried: Sequence[FloatArray]) -> dict[str, FloatArray]:
         """Return the margin of every clause for weights (N,) each, by its name. Shape (number tried, 1)."""

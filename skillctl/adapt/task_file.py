@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -61,7 +61,7 @@ from skillctl.model.demonstration import DemonstrationSet
 from skillctl.simulation.scenario import CylinderObstacle, MeshObstacle, Scenario
 from skillctl.simulation.scenario_file import read_scenario
 from skillctl.simulation.scene import boxes, cup_middle
-from skillctl.toml_files import complaint, read_toml
+from skillctl.toml_files import complaint, parse_toml, read_toml
 
 HINT = "`skillctl adapt --print-task DEMO` writes one."
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
@@ -219,8 +219,8 @@ class Task(Table):
 
     @property
     def digest(self) -> str:
-        """Digest of what it says: of the bodies of a scene, and not of the name of its file."""
-        said = self.model_dump_json(by_alias=True, exclude={"scene"}, exclude_defaults=True)
+        """Digest of what it says, remarks aside."""
+        said = self.model_dump_json(by_alias=True, exclude_defaults=True)
         return f"sha256:{hashlib.sha256(said.encode()).hexdigest()}"
 
 
@@ -240,13 +240,19 @@ def read_task(path: Path) -> Task:
 
 
 def with_scene(task: Task, scenario: Scenario) -> Task:
-    """Return the task with the bodies of a scenario, named as there, among its keep-out clauses.
+    """Return the task with the bodies of a scenario, named as there, instead of the name of its file.
 
     Raises:
         UsageError: The scenario has an obstacle that is a mesh.
     """
     values = {name: getattr(task, name) for name in type(task).model_fields}
-    return Task(**{**values, "keep_out": (*task.keep_out, *scene_bodies(scenario))})
+    return Task(**{**values, "scene": None, "keep_out": (*task.keep_out, *scene_bodies(scenario))})
+
+
+def recorded_task(lines: Sequence[str]) -> Task:
+    """Return the task that an adapted skill keeps, without what compares motions with other files."""
+    task = Task(**parse_toml("\n".join(lines).encode()))
+    return task.model_copy(update={"demonstrations": (), "like": ()})
 
 
 def scene_bodies(scenario: Scenario) -> list[dict[str, Any]]:

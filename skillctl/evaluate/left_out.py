@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import HeldOut, mean_dtw, report_errors
+from skillctl.evaluate.errors import HeldOut, mean_dtw, mean_dtw_angle, report_errors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
@@ -51,7 +51,7 @@ def leave_out_in_turn(
         kept = tuple(d for i, d in enumerate(demonstrations) if i % folds != fold)
         skill = fit(DemonstrationSet(kept, demonstrations.space), options).skill
         left_out = {
-            i: d.translated(skill.attractor - d.positions[-1])
+            i: d.ending_at(skill.attractor, demonstrations.space)
             for i, d in enumerate(demonstrations)
             if i % folds == fold
         }
@@ -66,10 +66,12 @@ def leave_out_in_turn(
 def held_out(left_out: Sequence[LeftOut]) -> HeldOut:
     """Return the errors of a validation, all demonstrations together."""
     reports = [each.report for each in left_out]
-    mean = mean_dtw(reports)
+    mean, mean_angle = mean_dtw(reports), mean_dtw_angle(reports)
     return HeldOut(
         demonstrations=len(reports),
         dtw=mean,
-        worst_dtw=None if mean is None else max(report.dtw for report in reports if report.dtw is not None),
+        worst_dtw=None if mean is None else max(report.dtw or 0.0 for report in reports),
         arrived=sum(bool(report.arrived) for report in reports),
+        dtw_angle=mean_angle,
+        worst_dtw_angle=None if mean_angle is None else max(report.dtw_angle or 0.0 for report in reports),
     )

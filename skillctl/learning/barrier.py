@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from skillctl.arrays import BoolArray, FloatArray
+from skillctl.learning.blocks import Sizes, filled, free, free_spans, spans
 
 CLEARANCE = 0.99  # share of the way from −I to the wall at which Newton's method may start
 KEPT = 0.01  # share of its slack that a Newton step leaves at least
@@ -28,10 +29,12 @@ class StabilityBarrier:
         lyapunov: P, shape (d, d).
         rate: ε ≥ 0, in 1 / time.
         period: Δt ≥ 0, in time.
+        blocks: Sizes of the blocks of A_k, and of P, whose entries are free; default: one block.
     """
 
-    def __init__(self, lyapunov: FloatArray, rate: float, period: float = 0.0) -> None:
+    def __init__(self, lyapunov: FloatArray, rate: float, period: float = 0.0, blocks: Sizes = ()) -> None:
         self.lyapunov = lyapunov
+        self.blocks = blocks or (len(lyapunov),)
         self.rate = rate
         self.period = period
 
@@ -61,7 +64,7 @@ class StabilityBarrier:
         return 0.9 * share
 
     def derivatives(self, matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradient (K, d²) and Hessian (K, d², d²) with respect to each A_k, row by row.
+        """Return gradient (K, m) and Hessian (K, m, m) with respect to the free entries of each A_k.
 
         dS = −½(BᵀU + UᵀB) with B = P(I + Δt A), d²S = −Δt UᵀPU. So the gradient is B S⁻¹, and
         D²[U, U] = tr(S⁻¹ dS S⁻¹ dS) + Δt tr(S⁻¹ UᵀPU).
@@ -73,10 +76,16 @@ class StabilityBarrier:
         gradient = factor @ inverse
         double = gradient @ factor.swapaxes(1, 2) + 2 * self.period * self.lyapunov
         # ½ [ (B S⁻¹ Bᵀ + 2 Δt P)_{ia} (S⁻¹)_{jb} + (B S⁻¹)_{ib} (B S⁻¹)_{aj} ] for the pair U_ij, U_ab
-        hessian = 0.5 * (
-            np.einsum("kia,kjb->kijab", double, inverse) + np.einsum("kib,kaj->kijab", gradient, gradient)
-        )
-        return gradient.reshape(k, d * d), hessian.reshape(k, d * d, d * d)
+        slopes = free(gradient, self.blocks)
+        hessian = np.zeros((*slopes.shape, slopes.shape[1]))
+        for span, place in zip(spans(self.blocks), free_spans(self.blocks), strict=True):
+            size = place.stop - place.start
+            outer, inner, mixed = (each[:, span, span] for each in (double, inverse, gradient))
+            block = 0.5 * (
+                np.einsum("kia,kjb->kijab", outer, inner) + np.einsum("kib,kaj->kijab", mixed, mixed)
+            )
+            hessian[:, place, place] = block.reshape(k, size, size)
+        return slopes, hessian
 
 
 def strictly_inside(matrices: FloatArray, barrier: StabilityBarrier) -> FloatArray:
@@ -122,27 +131,29 @@ def constrained_regression(
         A, shape (K, d, d), strictly stable.
     """
     k, d, _ = gram.shape
-    free: FloatArray = np.asarray(
-        np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64
-    )
-    matrices = strictly_inside(free if start is None else start, barrier)
-    quadratic = np.einsum("kia,kjb->kijab", precisions, gram).reshape(k, d * d, d * d)
-    linear = (precisions @ cross).reshape(k, d * d)
+    blocks = barrier.blocks
+    if start is None:
+        unbound = np.asarray(np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64)
+        start, first_level = filled(free(unbound, blocks), blocks), -1
+    else:  # an earlier solution is near the central path at a lower weight already
+        first_level = -3
+    matrices = strictly_inside(start, barrier)
+    quadratic = np.einsum("kia,kjb->kijab", precisions, gram)
+    quadratic = free(free(quadratic, blocks).transpose(0, 3, 1, 2), blocks)  # symmetric
+    linear = free(precisions @ cross, blocks)
     scale = np.trace(gram @ precisions, axis1=1, axis2=2) / d
 
     def cost(candidates: FloatArray, weight: FloatArray) -> FloatArray:
-        flat = candidates.reshape(k, d * d)
+        flat = free(candidates, blocks)
         smooth = 0.5 * np.einsum("ki,kij,kj->k", flat, quadratic, flat) - np.einsum("ki,ki->k", linear, flat)
         return np.asarray(smooth + weight * barrier.value(candidates))
 
-    # A start from an earlier solution is near the central path at a lower weight already.
-    first_level = -1 if start is None else -3
     for level in 10.0 ** np.arange(first_level, np.log10(final_weight) - 0.5, -1):
         weight = level * scale
         value = cost(matrices, weight)
         for _ in range(8):
             gradient, hessian = barrier.derivatives(matrices)
-            slope = np.einsum("kij,kj->ki", quadratic, matrices.reshape(k, d * d)) - linear
+            slope = np.einsum("kij,kj->ki", quadratic, free(matrices, blocks)) - linear
             slope = slope + weight[:, None] * gradient
             # Newton's decrement, slopeᵀ Hessian⁻¹ slope, is twice the gain that the quadratic model promises.
             step = -_solved(quadratic + weight[:, None, None] * hessian, slope)
@@ -150,7 +161,9 @@ def constrained_regression(
             active = decrement > DONE * weight
             if not active.any():
                 break
-            matrices, value = _line_search(cost, barrier, matrices, value, step, decrement, active, weight)
+            matrices, value = _line_search(
+                cost, barrier, matrices, value, filled(step, blocks), decrement, active, weight
+            )
     return matrices
 
 
@@ -182,7 +195,7 @@ def _line_search(
     """
     length, kept = np.ones(len(matrices)), KEPT * barrier.slack(matrices)
     for _ in range(20):
-        trial = matrices + (length[:, None] * step).reshape(matrices.shape)
+        trial = matrices + length[:, None, None] * step
         trial_value = cost(trial, weight)
         clear = np.linalg.eigvalsh(barrier.slack(trial) - kept)[:, 0] > 0
         better = clear & (trial_value <= value - 0.1 * length * decrement)

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.learning.blocks import Sizes, filled, free, spans
 from skillctl.model.mixture import quadratic_features, softmax
 
 
@@ -23,25 +24,36 @@ class Field:
     Attributes:
         matrices: A, shape (K, d, d).
         logits: W, shape (K, F).
+        blocks: Sizes of the blocks of A whose entries are parameters; default: one block.
     """
 
     matrices: FloatArray
     logits: FloatArray
+    blocks: Sizes = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "blocks", self.blocks or (self.matrices.shape[1],))
+
+    @property
+    def entries(self) -> FloatArray:
+        """The free entries of A, shape (K, m)."""
+        return free(self.matrices, self.blocks)
 
     @property
     def n_parameters(self) -> int:
-        """Number of entries of A and W together."""
-        return self.matrices.size + self.logits.size
+        """Number of free entries of A and W together."""
+        return self.entries.size + self.logits.size
 
     def split(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the parts for A (K, d, d) and W (K, F) of a vector (p,): A row by row, then W row by row."""
-        size = self.matrices.size
-        return parameters[:size].reshape(self.matrices.shape), parameters[size:].reshape(self.logits.shape)
+        """Return the parts for A (K, d, d) and W (K, F) of a vector (p,): free entries, then W row by row."""
+        size = self.entries.size
+        entries = parameters[:size].reshape(len(self.matrices), -1)
+        return filled(entries, self.blocks), parameters[size:].reshape(self.logits.shape)
 
     def stepped(self, step: FloatArray) -> Field:
         """Return the field with ``step`` (p,), ordered as in ``split``, added to its parameters."""
         matrices, logits = self.split(step)
-        return Field(self.matrices + matrices, self.logits + logits)
+        return Field(self.matrices + matrices, self.logits + logits, self.blocks)
 
     def velocities(self, positions: FloatArray, features: FloatArray | None = None) -> FloatArray:
         """Return f for positions (d, n), in the same shape; ``features``: φ(positions), if it is known."""
@@ -59,7 +71,7 @@ class Field:
         images = (self.matrices.reshape(-1, d) @ positions).reshape(-1, d, n)
         mean = (gates[:, None] * images).sum(axis=0)
         # ∂h_j/∂logit_k = h_j (δ_jk − h_k), so ∂f/∂logit_k = h_k (A_k ξ − f): the chain rule through softmax.
-        return Linearised(positions, phi, gates, gates[:, None] * (images - mean))
+        return Linearised(positions, phi, gates, gates[:, None] * (images - mean), self.blocks)
 
     def by_state(self, at: Linearised) -> FloatArray:
         """Return ∂f/∂ξ at n points. Shape (n, d, d)."""
@@ -80,19 +92,23 @@ class Linearised:
         features: φ, shape (F, n).
         gates: h, shape (K, n).
         spread: s_k = ∂f/∂logit_k = h_k (A_k ξ − f), shape (K, d, n).
+        blocks: Sizes of the blocks of A whose entries are parameters.
     """
 
     positions: FloatArray
     features: FloatArray
     gates: FloatArray
     spread: FloatArray
+    blocks: Sizes
 
     def pull_back(self, forces: FloatArray) -> FloatArray:
         """Return Σ_n (∂f/∂θ)ᵀ force for forces (d, n). Shape (p,), ordered as in ``Field.split``."""
-        k, d, n = self.spread.shape
-        matrices = (self.gates[:, None] * forces).reshape(k * d, n) @ self.positions.T
+        k, _, n = self.spread.shape
+        gated = self.gates[:, None] * forces
+        blocks = [gated[:, s].reshape(-1, n) @ self.positions[s].T for s in spans(self.blocks)]
+        entries = np.concatenate([block.reshape(k, -1) for block in blocks], axis=1)
         logits = (self.spread * forces).sum(axis=1) @ self.features.T
-        return np.concatenate([matrices.ravel(), logits.ravel()])
+        return np.concatenate([entries.ravel(), logits.ravel()])
 
 
 def _logit_slopes(logits: FloatArray, positions: FloatArray) -> FloatArray:

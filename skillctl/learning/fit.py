@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -11,6 +11,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.geometry import extent
+from skillctl.learning.blocks import Sizes
 from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
 from skillctl.learning.objective import reproduction_error
 from skillctl.learning.options import Coordinates, LearnOptions, Preset
@@ -20,9 +21,11 @@ from skillctl.learning.preprocess import TrainingData, align, embedded, resample
 from skillctl.learning.select import component_limit, select_components
 from skillctl.learning.shears import BENDING, learn_shears, samples_of
 from skillctl.learning.solve import solve
-from skillctl.model.coordinates.chain import IDENTITY, Chain
+from skillctl.model.coordinates.chain import IDENTITY, Chain, Link, OnPosition
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.pose import Pose
 from skillctl.model.seds import SedsSkill
+from skillctl.model.space import Space
 from skillctl.progress import Progress
 from skillctl.workers.blas import one_blas_thread
 
@@ -115,14 +118,15 @@ def learned_distance(sets: Sequence[DemonstrationSet], coordinates: Coordinates 
     with one_blas_thread():
         aligned = [align(demonstrations) for demonstrations in sets]
         data = [training_data(a, goal, options.effort.samples_of(len(a))) for a, goal in aligned]
+        blocks = data[0].blocks
         unit = float(np.sqrt(np.mean([each.length_scale**2 for each in data])))
         motions = [each.positions * (each.length_scale / unit) for each in data]
-        metric, _ = _metric(motions, options)
-        if not _shears_wanted(motions, metric, coordinates):
+        metric, _ = _metric(motions, options, blocks)
+        if not _shears_wanted(motions, metric, coordinates, blocks):
             return Distance(metric)
-        shears, _ = learn_shears([_dense(*pair) / unit for pair in aligned])
-        bent = [shears.forward(each.reshape(-1, each.shape[-1])).reshape(each.shape) for each in motions]
-        return Distance(_metric(bent, options)[0], Chain((shears.in_unit(unit),)))
+        link, _ = _bent([_dense(*pair) / unit for pair in aligned], BENDING[0], blocks)
+        bent = [link.forward(each.reshape(-1, each.shape[-1])).reshape(each.shape) for each in motions]
+        return Distance(_metric(bent, options, blocks)[0], Chain((link.in_unit(unit),)))
 
 
 def _fit(
@@ -143,14 +147,15 @@ def _fit(
         )
     solution, (data, metric) = solutions[best], choices[best]
     bound = _bound(metric, data)
-    share = rising_share(metric, data.moved.positions)
+    first = data.blocks[0]
+    share = rising_share(metric[:first, :first], data.moved.positions[..., :first])
     results = (*learned[best], *solution.results)
     skill = skill_of(solution.field, solution.density, data, metric, demonstrations.space)
     if distance is not None:  # as given, to the last bit: skills that are to be merged must agree
         skill = replace(skill, coordinates=distance.coordinates)
     return Fit(
         skill=skill,
-        demonstrations=embedded(aligned),
+        demonstrations=embedded(aligned, attractor),
         objective=solution.objective,
         log_likelihood=solution.log_likelihood,
         deviation_bound=bound,
@@ -158,6 +163,7 @@ def _fit(
         results=results,
         warnings=(
             *_contradictions(demonstrations, bound, share, options),
+            *_turned_back(data, demonstrations.space),
             *_unfinished(results[-1], options.preset),
         ),
     )
@@ -201,37 +207,71 @@ def _measured(
             )
         coordinates = distance.coordinates.in_unit(1 / data.length_scale)
         return [(replace(data, coordinates=coordinates), distance.lyapunov)], [()]
-    metric, results = _metric([data.positions], options)
+    metric, results = _metric([data.positions], options, data.blocks)
     rollouts = options.objective == "reproduction"  # only they show which of two choices is the better
-    if not _shears_wanted([data.positions], metric, options.coordinates):
+    if not _shears_wanted([data.positions], metric, options.coordinates, data.blocks):
         metrics = [metric]
         if options.metric == "learned" and rollouts and _bound(metric, data) > BOUND_SHARE * aligned.extent:
-            metrics.append(stretched(metric))
+            metrics.append(_with_first(metric, stretched, data.blocks[0]))
         return [(data, each) for each in metrics], [results] * len(metrics)
     dense = _dense(aligned, data.attractor) / data.length_scale
     choices, ended = [], []
     for bending in BENDING if rollouts else BENDING[:1]:
-        shears, bent = learn_shears([dense], bending)
-        each = replace(data, coordinates=Chain((shears,)))
-        metric, results = _metric([each.moved.positions], options)
+        link, bent = _bent([dense], bending, data.blocks)
+        each = replace(data, coordinates=Chain((link,)))
+        metric, results = _metric([each.moved.positions], options, data.blocks)
         choices.append((each, metric))
         ended.append((bent, *results))
     return choices, ended
 
 
 def _metric(
-    motions: Sequence[FloatArray], options: LearnOptions
+    motions: Sequence[FloatArray], options: LearnOptions, blocks: Sizes
 ) -> tuple[FloatArray, tuple[StageResult, ...]]:
-    """Return P for motions (D, T, d) at rms distance about one, and how learning it ended, if it is."""
+    """Return P for motions (D, T, d) at rms distance about one, and how learning it ended, if it is.
+
+    Only the first block of P, that of positions, is learned; the others are the identity.
+    """
+    metric = np.eye(motions[0].shape[-1])
     if options.metric == "euclidean":
-        return np.eye(motions[0].shape[-1]), ()
-    metric, result = learn_lyapunov(motions)
+        return metric, ()
+    positions, _ = _first_block(motions, blocks)
+    metric[: blocks[0], : blocks[0]], result = learn_lyapunov(positions)
     return metric, (result,)
 
 
-def _shears_wanted(motions: Sequence[FloatArray], metric: FloatArray, coordinates: Coordinates) -> bool:
+def _first_block(motions: Sequence[FloatArray], blocks: Sizes) -> tuple[list[FloatArray], float]:
+    """Return the coordinates of the first block, at rms distance one, and that distance before.
+
+    With one block they are the motions themselves, which are at rms distance about one.
+    """
+    if len(blocks) == 1:
+        return list(motions), 1.0
+    positions = [motion[..., : blocks[0]] for motion in motions]
+    scale = float(np.sqrt(np.mean(np.concatenate([(x**2).sum(axis=-1).ravel() for x in positions])))) or 1.0
+    return [x / scale for x in positions], scale
+
+
+def _with_first(metric: FloatArray, change: Callable[[FloatArray], FloatArray], first: int) -> FloatArray:
+    """Return P with its first block changed."""
+    changed = metric.copy()
+    changed[:first, :first] = change(metric[:first, :first])
+    return changed
+
+
+def _bent(motions: Sequence[FloatArray], bending: float, blocks: Sizes) -> tuple[Link, StageResult]:
+    """Return shears of the first block of motions (D, T, d), and how learning them ended."""
+    positions, scale = _first_block(motions, blocks)
+    shears, result = learn_shears(positions, bending)
+    return (shears if len(blocks) == 1 else OnPosition(shears.in_unit(scale), blocks[0])), result
+
+
+def _shears_wanted(
+    motions: Sequence[FloatArray], metric: FloatArray, coordinates: Coordinates, blocks: Sizes
+) -> bool:
     """Return whether shears are to be learned; there are none in one dimension."""
-    d = motions[0].shape[-1]
+    d = blocks[0]
+    motions, metric = _first_block(motions, blocks)[0], metric[:d, :d]
     if coordinates != "auto" or d == 1:
         return coordinates == "shears" and d > 1
     limits = [STRAIGHT * extent(motion.reshape(-1, d)) for motion in motions]
@@ -242,8 +282,9 @@ def _dense(aligned: DemonstrationSet, attractor: FloatArray) -> FloatArray:
     """Return demonstrations (D, T, d) relative to their target, with the samples that shears want."""
     samples = samples_of(len(aligned))
     positions = np.stack([resample(demonstration, samples).positions for demonstration in aligned])
-    positions[:, -1] = attractor
-    return positions - attractor
+    anchor = aligned.space.anchor(attractor)
+    positions[:, -1] = anchor
+    return positions - anchor
 
 
 def _bound(metric: FloatArray, data: TrainingData) -> float:
@@ -251,10 +292,28 @@ def _bound(metric: FloatArray, data: TrainingData) -> float:
 
     A distance in y is at most the stretch of φ times that in the state; the stretch on the path is taken.
     """
-    moved = data.moved
+    moved, first = data.moved, data.blocks[0]
     factors = data.factors(moved.states)
-    stretch = 1.0 if factors is None else 1 / float(np.linalg.svd(factors, compute_uv=False)[:, -1].min())
-    return deviation_bound(metric, moved.positions) * data.length_scale / stretch
+    stretch = 1.0
+    if factors is not None:
+        stretch = 1 / float(np.linalg.svd(factors[:, :first, :first], compute_uv=False)[:, -1].min())
+    bound = deviation_bound(metric[:first, :first], moved.positions[..., :first])
+    return bound * data.length_scale / stretch
+
+
+def _turned_back(data: TrainingData, space: Space) -> tuple[str, ...]:
+    """Return the warning about orientations whose angle from the target grows on the way."""
+    turns = data.positions[..., data.blocks[0] :] * data.length_scale
+    if not isinstance(space, Pose):
+        return ()
+    bound = deviation_bound(np.eye(3), turns) / space.length
+    reach = float(np.linalg.norm(turns, axis=-1).max()) / space.length
+    if bound <= BOUND_SHARE * reach:
+        return ()
+    return (
+        "the angle from the final orientation grows on the way, which the proof forbids: the motion stays at "
+        f"least {np.degrees(bound):.2g}° off it on average.",
+    )
 
 
 def _contradictions(

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from skillctl.arrays import FloatArray, IntArray
+from skillctl.learning.blocks import free_spans, spans
 from skillctl.learning.field import Field, Linearised
 from skillctl.model.mixture import quadratic_features
 
@@ -47,21 +48,33 @@ class VelocityMoments:
         linear = self.index[1 : 1 + d]  # ξ_j φ_f
         spread = at.spread if self.metric is None else (self.metric[None] * at.spread[:, None]).sum(axis=2)
 
-        normal = np.zeros((k * (d * d + features),) * 2)
-        size = k * d * d
-        matrices = normal[:size, :size].reshape(k, d, d, k, d, d)
-        mixed = normal[:size, size:].reshape(k, d, d, k, features)
+        # Of coordinate i: where its row of each A_k stands among the free entries, and what it multiplies.
+        rows, columns = [], []
+        for span, place in zip(spans(at.blocks), free_spans(at.blocks), strict=True):
+            length = span.stop - span.start
+            rows += [slice(first, first + length) for first in range(place.start, place.stop, length)]
+            columns += [span] * length
+        free = rows[-1].stop
+        size = k * free
+        normal = np.zeros((size + k * features,) * 2)
+        matrices = normal[:size, :size].reshape(k, free, k, free)
+        mixed = normal[:size, size:].reshape(k, free, k, features)
         both = at.gates[first] * at.gates[second]
         for i in range(d):
             for j in range(i, d) if self.metric is not None else (i,):
                 metric = 1.0 if self.metric is None else self.metric[i, j]
                 sums = (both * metric) @ self.monomials[:, : self.up_to[2]]
-                block = sums[pair[:, None, :, None], linear[None, :, None, 1 : 1 + d]]
-                matrices[:, i, :, :, j] = matrices[:, j, :, :, i] = block
+                factors = self.index[1 : 1 + d, 1 : 1 + d][columns[i], columns[j]]  # ξ_a ξ_b
+                block = sums[pair[:, None, :, None], factors[None, :, None, :]]
+                matrices[:, rows[i], :, rows[j]] = block
+                if i != j:
+                    matrices[:, rows[j], :, rows[i]] = block.transpose(0, 3, 2, 1)
         sums = (at.gates[:, None, None] * spread.swapaxes(0, 1)).reshape(-1, n) @ self.monomials[
             :, : self.up_to[3]
         ]
-        mixed[:] = sums.reshape(k, d, k, -1)[..., linear].transpose(0, 1, 3, 2, 4)
+        sums = sums.reshape(k, d, k, -1)
+        for i in range(d):
+            mixed[:, rows[i]] = sums[:, i][..., linear[columns[i]]].transpose(0, 2, 1, 3)
         normal[size:, :size] = normal[:size, size:].T
         sums = (at.spread[first] * spread[second]).sum(axis=1) @ self.monomials
         square = sums[pair[:, None, :, None], self.index[None, :, None, :]]

@@ -160,9 +160,9 @@ class LearningObjective:
         field, matching, moments = evaluation.field, evaluation.matching, self.moments
         at = moments.linearised(field)
         normal, slope = moments.normal(at), at.pull_back(moments.weighed(evaluation.velocity_errors))
-        matrices = np.arange(field.matrices.size)
-        normal[matrices, matrices] += self.ridge
-        slope[matrices] += self.ridge * field.matrices.ravel()
+        entries = np.arange(field.entries.size)
+        normal[entries, entries] += self.ridge
+        slope[entries] += self.ridge * field.entries.ravel()
         if matching is not None:
             pulls, weights = _gathered(matching)
             slopes = RolloutSlopes(field, matching.states, matching.predicted, self.steps)

@@ -6,6 +6,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import FitError
+from skillctl.learning.blocks import Sizes
 from skillctl.learning.em import VELOCITY_FLOOR, JointMixture
 from skillctl.learning.field import Field, gate_precisions, most_convex_gate, spread_root
 from skillctl.learning.preprocess import TrainingData
@@ -17,14 +18,14 @@ SMALLEST_LOG_PRIOR = -600.0  # exp of it is still a normal float64 after normali
 GAUGES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # curvatures tried, in inverse squared spreads of the data
 
 
-def field_of(mixture: JointMixture) -> Field:
+def field_of(mixture: JointMixture, blocks: Sizes = ()) -> Field:
     """Return the field whose gates are the mixture's responsibilities of the position."""
     d = mixture.means.shape[1]
     _, log_determinants = np.linalg.slogdet(2 * np.pi * mixture.covariances)
     precisions = np.asarray(np.linalg.inv(mixture.covariances), dtype=np.float64)
     offsets = np.log(mixture.priors) - 0.5 * log_determinants
     logits = quadratic_coefficients(offsets, mixture.means, precisions, np.zeros(d))
-    return Field(mixture.matrices, logits)
+    return Field(mixture.matrices, logits, blocks)
 
 
 def gate_mixture(logits: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -96,15 +97,16 @@ def skill_of(
     scatter = np.einsum("nk,nki,nkj->kij", weighted, residuals, residuals)
     scatter = 0.5 * (scatter + scatter.swapaxes(1, 2)) + VELOCITY_FLOOR * np.eye(data.dimension)
     length, speed = data.length_scale, data.speed_scale
+    anchor = space.anchor(data.attractor)
     return SedsSkill(
         priors=priors,
-        means=length * means + data.attractor,
+        means=length * means + anchor,
         covariances=length**2 * covariances,
         system_matrices=field.matrices * (speed / length),
         residual_covariances=speed**2 * scatter,
         attractor=data.attractor,
         lyapunov=lyapunov,
-        density=GaussianMixture(density[0], length * density[1] + data.attractor, length**2 * density[2]),
+        density=GaussianMixture(density[0], length * density[1] + anchor, length**2 * density[2]),
         space=space,
         coordinates=data.coordinates.in_unit(length),
     )

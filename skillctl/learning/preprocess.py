@@ -8,9 +8,11 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError
-from skillctl.geometry import extent
+from skillctl.geometry import extent, segment_lengths
+from skillctl.learning.blocks import Sizes
 from skillctl.model.coordinates.chain import IDENTITY, Chain, Pull
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.space import Space
 
 REST_SHARE = 0.005  # a recording rests while it stays this close to its end, as a share of its extent
 SPIKE_SHARE = 0.02  # a jump and back by more than this share of the extent is an error of the sensor
@@ -27,8 +29,9 @@ class TrainingData:
         steps: Time between two samples of each demonstration, shape (D,), in units of ``time_scale``.
         length_scale: One unit of position, in the unit of the space.
         speed_scale: One unit of velocity, per second.
-        attractor: Median of the end points, shape (d,), in the unit of the space.
+        attractor: The common end of the demonstrations, a state of the space, shape (d,).
         coordinates: c, on positions in these units. The mixture is learned of y = c(ξ); errors count in ξ.
+        blocks: Sizes of the groups of coordinates of which each contracts by itself; default: one.
     """
 
     positions: FloatArray
@@ -38,6 +41,10 @@ class TrainingData:
     speed_scale: float
     attractor: FloatArray
     coordinates: Chain = IDENTITY
+    blocks: Sizes = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "blocks", self.blocks or (self.dimension,))
 
     @property
     def dimension(self) -> int:
@@ -148,17 +155,44 @@ def _arrival(demonstration: Demonstration, last: int, limit: float) -> float:
 
 
 def align(demonstrations: DemonstrationSet) -> tuple[DemonstrationSet, FloatArray]:
-    """Repair and trim all demonstrations and translate each so that it ends at the median of the ends.
+    """Repair and trim all demonstrations and move each so that it ends at the typical end.
 
-    The median is taken of each coordinate: one demonstration that ends elsewhere hardly moves it.
+    That is the median of each coordinate, and for orientations the one from which the others are least far in
+    sum: one demonstration that ends elsewhere hardly moves it.
 
     Returns:
-        The aligned demonstrations and their common end point (d,), which becomes the attractor.
+        The aligned demonstrations, as charted states, and their common end (d,), which becomes the attractor.
+
+    Raises:
+        InputDataError: A demonstration turns to more than 180° from its end, where no chart holds it.
     """
-    trimmed = [trim_rests(without_spikes(demonstration)) for demonstration in demonstrations]
-    attractor = np.median([demonstration.positions[-1] for demonstration in trimmed], axis=0)
-    aligned = tuple(d.translated(attractor - d.positions[-1]) for d in trimmed)
-    return DemonstrationSet(aligned, demonstrations.space), attractor
+    space = demonstrations.space
+    charted = [_from_end(demonstration, space) for demonstration in demonstrations]
+    trimmed = [trim_rests(without_spikes(demonstration)) for demonstration in charted]
+    attractor = space.middle(np.stack([demonstration.positions[-1] for demonstration in demonstrations]))
+    anchor = space.anchor(attractor)
+    aligned = tuple(d.translated(anchor - d.positions[-1]) for d in trimmed)
+    return DemonstrationSet(aligned, space), attractor
+
+
+def _from_end(demonstration: Demonstration, space: Space) -> Demonstration:
+    """Return offsets from the demonstration's own end; in a flat space the demonstration itself.
+
+    Raises:
+        InputDataError: It turns to more than 180° from its end.
+    """
+    if space.flat:
+        return demonstration
+    states = demonstration.positions
+    offsets = space.offsets(states, states[-1])
+    steps = segment_lengths(offsets)
+    jump = int(steps.argmax())
+    if steps[jump] > 2 * space.distance(states[jump + 1], states[jump]) + 1e-9:
+        raise InputDataError(
+            f"{demonstration.source}: at sample {jump + 2} it has turned 180° away from where it ends.",
+            hint="Cut the recording into motions that turn less, or learn them with --position-only.",
+        )
+    return Demonstration.from_positions(demonstration.times, offsets, demonstration.source)
 
 
 def resample(demonstration: Demonstration, samples: int) -> Demonstration:
@@ -179,12 +213,18 @@ def resample(demonstration: Demonstration, samples: int) -> Demonstration:
     return Demonstration(grid, at[1], velocities, demonstration.source)
 
 
-def embedded(demonstrations: DemonstrationSet) -> DemonstrationSet:
-    """Return the demonstrations as an artifact keeps them: at most ``EMBEDDED_POINTS`` points each."""
-    kept = tuple(
-        resample(d, EMBEDDED_POINTS) if len(d.times) > EMBEDDED_POINTS else d for d in demonstrations
-    )
-    return DemonstrationSet(kept, demonstrations.space)
+def embedded(aligned: DemonstrationSet, attractor: FloatArray) -> DemonstrationSet:
+    """Return aligned demonstrations as an artifact keeps them: states, at most ``EMBEDDED_POINTS`` each."""
+    space = aligned.space
+    kept = tuple(resample(d, EMBEDDED_POINTS) if len(d.times) > EMBEDDED_POINTS else d for d in aligned)
+    if not space.flat:
+        anchor = space.anchor(attractor)
+        states = [space.placed(d.positions - anchor, attractor) for d in kept]
+        kept = tuple(
+            Demonstration.from_positions(d.times, x, d.source, space)
+            for d, x in zip(kept, states, strict=True)
+        )
+    return DemonstrationSet(kept, space)
 
 
 def training_data(aligned: DemonstrationSet, attractor: FloatArray, samples: int) -> TrainingData:
@@ -194,7 +234,7 @@ def training_data(aligned: DemonstrationSet, attractor: FloatArray, samples: int
         InputDataError: All demonstrations stay at one point.
     """
     sampled = [resample(demonstration, samples) for demonstration in aligned]
-    positions = np.stack([s.positions for s in sampled]) - attractor
+    positions = np.stack([s.positions for s in sampled]) - aligned.space.anchor(attractor)
     positions[:, -1] = 0.0
     velocities = np.stack([s.velocities for s in sampled])
     length_scale = float(np.sqrt(np.mean(np.sum(positions**2, axis=2))))
@@ -204,5 +244,11 @@ def training_data(aligned: DemonstrationSet, attractor: FloatArray, samples: int
     time_scale = length_scale / speed_scale
     steps = np.array([s.duration for s in sampled]) / (samples - 1) / time_scale
     return TrainingData(
-        positions / length_scale, velocities / speed_scale, steps, length_scale, speed_scale, attractor
+        positions / length_scale,
+        velocities / speed_scale,
+        steps,
+        length_scale,
+        speed_scale,
+        attractor,
+        blocks=aligned.space.blocks,
     )

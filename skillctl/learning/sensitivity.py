@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.learning.blocks import spans
 from skillctl.learning.field import Field
 
 
@@ -49,16 +50,32 @@ class RolloutSlopes:
         shape = *rest.shape[:2], d
         # Row l of A_k moves coordinate i as far as the drive's entry (i, l) says.
         inputs = self._by_block(self.at.gates[:, None] * self.at.positions, every)
-        inputs = inputs.reshape(*shape[:2], -1, inputs.shape[-1]).swapaxes(2, 3)
-        matrices = drives.reshape(*shape[:2], d * d, -1) @ inputs
-        matrices = matrices.reshape(*shape, d, -1, d).swapaxes(3, 4)
+        matrices = [self._of_block(drives, inputs, span) for span in spans(self.at.blocks)]
         moved = np.einsum("bjilp,bjklp->bjikp", drives, self._by_block(self.at.spread, every))
         features = self._by_block(self.at.features, every).swapaxes(2, 3)
         logits = moved.reshape(*shape[:2], -1, moved.shape[-1]) @ features
-        table = np.concatenate([matrices.reshape(*shape, -1), logits.reshape(*shape, -1)], axis=3)
+        entries = np.concatenate(matrices, axis=4).reshape(*shape, -1)
+        table = np.concatenate([entries, logits.reshape(*shape, -1)], axis=3)
         for block in range(1, len(table)):
             table[block] += rest[block] @ table[block - 1]
         return table
+
+    @staticmethod
+    def _of_block(drives: FloatArray, inputs: FloatArray, span: slice) -> FloatArray:
+        """Return the part of the table of the entries of one block of every A_k. Shape (blocks, D, d, K, b²).
+
+        Args:
+            drives: Shape (blocks, D, d, d, 2 · every).
+            inputs: Shape (blocks, D, K, d, 2 · every).
+            span: Coordinates of the block.
+        """
+        length = span.stop - span.start
+        driven, gated = drives[:, :, :, span], inputs[:, :, :, span]
+        shape = driven.shape[:3]
+        gated = gated.reshape(*shape[:2], -1, inputs.shape[-1]).swapaxes(2, 3)
+        product = driven.reshape(*shape[:2], shape[2] * length, -1) @ gated
+        moved = product.reshape(*shape, length, -1, length).swapaxes(3, 4)
+        return np.asarray(moved.reshape(*shape, moved.shape[3], -1))
 
     def _over_blocks(self, every: int) -> tuple[FloatArray, FloatArray]:
         """Return T of blocks (blocks, D, d, d), and what M_x and M_y do until their ends (…, 2 · every)."""

@@ -93,12 +93,12 @@ def _solve(
     starts = initial_mixtures(data, barrier, n_components, options, progress)
     if options.objective == "likelihood":
         ranking = LearningObjective(data)
-        best, ended = min(starts, key=lambda start: ranking.evaluate(field_of(start[0])).cost)
+        best, ended = min(starts, key=lambda start: ranking.evaluate(field_of(start[0], data.blocks)).cost)
         likelihood = log_likelihood(best, *data.points)
         density = best.priors, best.means, best.covariances
         if data.coordinates.links:
             density = position_em(best, data.points[0], data.states)
-        return Solution(field_of(best), density, -likelihood, likelihood, (ended,))
+        return Solution(field_of(best, data.blocks), density, -likelihood, likelihood, (ended,))
     state, best, results = optimise(data, barrier, [mixture for mixture, _ in starts], options, progress)
     likelihood = log_likelihood(best, *data.points)
     density = position_em(best, data.points[0], data.states)
@@ -112,7 +112,7 @@ def stability_barrier(data: TrainingData, lyapunov: FloatArray, options: LearnOp
     every fit can fall back, stays inside: −½(−2 + Δt) − ε > 0 needs Δt < 2 − 2 ε, and 1 − ε is half of that.
     """
     period = min(options.period / data.time_scale, 1.0 - options.slowest_rate)
-    return StabilityBarrier(lyapunov, options.slowest_rate, period)
+    return StabilityBarrier(lyapunov, options.slowest_rate, period, data.blocks)
 
 
 def initial_mixtures(
@@ -156,7 +156,7 @@ def optimise(
     ranking = LearningObjective(data)
     states = []
     for index, mixture in enumerate(mixtures):
-        state = State(objective.evaluate(field_of(mixture)), barrier)
+        state = State(objective.evaluate(field_of(mixture, data.blocks)), barrier)
         states.append(minimise(objective, state, effort.probe_steps)[0])
         done, total = index + 1, len(mixtures)
         progress(f"start {done} of {total}, objective {states[-1].cost:.3g}", done, total)

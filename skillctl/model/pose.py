@@ -15,6 +15,7 @@ from skillctl.errors import StateError
 from skillctl.model.space import AXIS_NAMES, Place, Space, numbers
 
 POSE_NAMES = (*AXIS_NAMES, "rx", "ry", "rz")
+MEDIAN_STEPS, SAME = 20, 1e-6  # of the median of orientations; [rad], angles count as no less
 SEAM = 0.2  # [rad] past half a turn from the target up to which a controller keeps the side it was on
 
 
@@ -52,6 +53,11 @@ class Pose(Space):
     def positions(self) -> int:
         """Three."""
         return 3
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Metres, and radians of the rotation vector."""
+        return ("m", "m", "m", "rad", "rad", "rad")
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -109,6 +115,13 @@ class Pose(Space):
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
         return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
 
+    def middle(self, states: FloatArray) -> FloatArray:
+        """Return the median of positions and that of orientations (6,): the sum of angles to it is least."""
+        turn = rotations.mean(states[:, 3:])
+        for _ in range(MEDIAN_STEPS):  # each of weight one over its angle, as Weiszfeld's method has it
+            turn = rotations.mean(states[:, 3:], 1 / np.maximum(rotations.angles(states[:, 3:], turn), SAME))
+        return np.concatenate([np.median(states[:, :3], axis=0), turn])
+
     def tangent(self, states: FloatArray, target: FloatArray) -> tuple[FloatArray, Place]:
         """Return offsets (n, 6), and what leads their velocities to twists (n, 6): ω = R* J(r/ℓ) ṙ / ℓ.
 
@@ -145,6 +158,20 @@ class Pose(Space):
         """Return how far apart poses (..., 6) are: [m], and [rad]."""
         moved = np.linalg.norm(to[..., :3] - start[..., :3], axis=-1)
         return np.asarray(moved), rotations.angles(to[..., 3:], start[..., 3:])
+
+    def magnitudes(self, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ‖v‖ [m/s] and ‖ω‖ [rad/s] of twists (..., 6)."""
+        moving, turning = (np.linalg.norm(v, axis=-1) for v in (velocities[..., :3], velocities[..., 3:]))
+        return np.asarray(moving), np.asarray(turning)
+
+    def turns(self, states: FloatArray) -> FloatArray:
+        """Return the rotation vectors (..., 3) of poses (..., 6)."""
+        return states[..., 3:]
+
+    def given(self, state: FloatArray) -> tuple[float, ...]:
+        """Return one pose (6,) as (x, y, z, qx, qy, qz, qw)."""
+        x, y, z, *turn = state.tolist()
+        return (x, y, z, *rotations.quaternion_of(*turn))
 
     def rates(self, times: FloatArray, states: FloatArray) -> FloatArray:
         """Return the twists (T, 6) of a motion (T, 6): over both neighbours, at the ends over one."""

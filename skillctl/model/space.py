@@ -64,6 +64,11 @@ class Space(ABC):
         return self.dimension
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each coordinate of a state."""
+        return (self.unit,) * self.dimension
+
+    @property
     def sizes(self) -> tuple[int, ...]:
         """In how many numbers a target can be given."""
         return (self.dimension,)
@@ -122,6 +127,10 @@ class Space(ABC):
         """Return the mean (d,) of states (n, d) with weights (n,) that sum to one."""
         return np.asarray(weights @ states)
 
+    def middle(self, states: FloatArray) -> FloatArray:
+        """Return the median (d,) of states (n, d), of each coordinate: one far off hardly moves it."""
+        return np.asarray(np.median(states, axis=0))
+
     def distance(self, to: FloatArray, start: FloatArray) -> FloatArray:
         """Return how far apart states (..., d) are, in the unit. Shape (...)."""
         return np.asarray(np.linalg.norm(self.difference(to, start), axis=-1))
@@ -137,6 +146,18 @@ class Space(ABC):
     def apart(self, to: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return how far apart states (..., d) are: in position, and in orientation [rad] if they have it."""
         return self.distance(to, start), None
+
+    def magnitudes(self, velocities: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return how fast velocities (..., d) move, and how fast they turn [rad/s] if states can."""
+        return np.asarray(np.linalg.norm(velocities, axis=-1)), None
+
+    def turns(self, states: FloatArray) -> FloatArray | None:
+        """Return the rotation vectors (..., 3) of states (..., d), if they have an orientation."""
+        return None
+
+    def given(self, state: FloatArray) -> tuple[float, ...]:
+        """Return one state (d,) in the numbers in which a target is given."""
+        return tuple(state.tolist())
 
     def rates(self, times: FloatArray, states: FloatArray) -> FloatArray:
         """Return velocities (T, d) of a motion (T, d) at increasing times (T,): differences of neighbours."""

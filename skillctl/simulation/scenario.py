@@ -15,12 +15,6 @@ rules check it in all three cases. Its TOML form has the same names:
     position = [0.62, 0.10]
     board = "top"
 
-    [[obstacles]]
-    kind = "box"                 # or "cylinder" with radius and height, or "mesh" with file
-    name = "crate"
-    position = [0.5, -0.3, 0.1]
-    size = [0.2, 0.2, 0.2]
-
     [[disturbances]]
     kind = "move-target"
     time = 0.8
@@ -174,8 +168,7 @@ class Grasp(Part):
     """The motion of the hand when it has reached the cup.
 
     Attributes:
-        distance: Distance from the grasp point at which the fingers begin to close, [m].
-        turn: Largest angle to the target's orientation at which they do, of a skill of poses, [rad].
+        distance, turn: Distance to the target [m], of a pose skill angle [rad], at which fingers close.
         force: Force of each finger, [N].
         speed: Speed of each finger, [m/s].
         close_time: Time from then to the lift, [s].
@@ -291,9 +284,9 @@ class Scenario(Part):
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
-        max_turn, max_turn_acceleration: Those of a hand that turns as it was taught, [rad/s] and [rad/s²].
+        max_turn, max_turn_acceleration: Those of turning, of a pose skill, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
-        turn_tolerance: Angle to the target's orientation that counts as reached, of a skill of poses, [rad].
+        turn_tolerance: Angle to it that does, of a pose skill, [rad].
         settle_time: Time for which the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: by the duration of the plan.
         noise: Standard deviation of the measured position of the hand, per coordinate, [m].

@@ -252,6 +252,8 @@ class DemonstrationReport(Strict):
         arrived: Whether the rollout reached the attractor.
         moved: How far it was moved before it was learned, so that it ends at the target, [unit].
         dtw_unmoved: As ``dtw``, with the demonstration as it was recorded, and a rollout from its start.
+        turning_rmse, dtw_angle, end_angle, moved_angle, dtw_angle_unmoved: The same of the orientation, in
+            [rad/s] and [rad]; those above are then of the position alone.
     """
 
     source: Label
@@ -264,6 +266,11 @@ class DemonstrationReport(Strict):
     arrived: bool | None = None
     moved: NotNegative | None = None
     dtw_unmoved: NotNegative | None = None
+    turning_rmse: NotNegative | None = None
+    dtw_angle: NotNegative | None = None
+    end_angle: NotNegative | None = None
+    moved_angle: NotNegative | None = None
+    dtw_angle_unmoved: NotNegative | None = None
 
 
 class InputRecord(Strict):

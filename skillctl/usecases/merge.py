@@ -16,7 +16,7 @@ from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import report_errors, strays
+from skillctl.evaluate.errors import strays
 from skillctl.model.coordinates.chain import IDENTITY
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
@@ -37,6 +37,7 @@ from skillctl.usecases.make import (
     child_artifact,
     make,
     parents_of,
+    reports_on,
     require_stable,
     write_child,
 )
@@ -77,6 +78,7 @@ class MergeReport(MakeReport):
         lyapunov: Origin of the common Lyapunov matrix; see ``skillctl.adapt.together.Together``.
         refits: Leaves that were learned again, if any.
         task: How it was fitted to a task; None if it was not, or was up to date.
+        target: The attractor in the numbers in which a target is given; of poses with a quaternion.
     """
 
     parts: tuple[PartSummary, ...]
@@ -88,6 +90,7 @@ class MergeReport(MakeReport):
     lyapunov: LyapunovOrigin
     refits: tuple[Refit, ...] = ()
     task: TaskReport | None = None
+    target: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +242,7 @@ def _fitted(
         used = [sources[index] for index in fitted.used]
         artifact = child_artifact(fitted.skill, used, done, _carried_reports(fitted, together), inputs)
         if fitted.choice == "per component":  # the leaves move differently than before
-            artifact = replace(artifact, reports=_new_reports(artifact))
+            artifact = replace(artifact, reports=reports_on(artifact))
         report = TaskReport(
             fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
         )
@@ -305,6 +308,7 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
         lyapunov=cast("LyapunovOrigin", artifact.operation.results["lyapunov"]),
         refits=details.together.refits if details else (),
         task=details.task if details else None,
+        target=skill.space.given(skill.attractors[0]),
     )
 
 
@@ -346,17 +350,6 @@ def _carried_reports(fitted: FittedMerger, together: Together) -> list[Demonstra
         for report in sorted(together.reports, key=lambda report: report.leaf)
         if report.leaf in kept
     ]
-
-
-def _new_reports(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
-    """Return reports on how the leaves of an artifact repeat their demonstrations now."""
-    pairs = zip(artifact.skill.leaves, artifact.demonstrations, strict=True)
-    return tuple(
-        report
-        for number, (leaf, motions) in enumerate(pairs)
-        if motions is not None
-        for report in report_errors(leaf, motions, number)
-    )
 
 
 def _results(fitted: FittedMerger, together: Together, faults: Sequence[Fault]) -> dict[str, Any]:

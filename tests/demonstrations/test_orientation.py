@@ -155,6 +155,16 @@ def test_arrays_may_hold_homogeneous_matrices(save_npz, by_column: bool, flat: b
     assert apart(turned(read_demonstrations([path], orientation="matrix").demonstrations)) <= CLOSE
 
 
+@pytest.mark.parametrize("matrices", [False, True])
+def test_archives_may_hold_orientations_in_an_array_of_their_own(save_npz, matrices: bool) -> None:
+    turns = TURNED.as_matrix() if matrices else W_FIRST
+    path = save_npz(positions=[MOTION], rotations=[turns], velocities=[0 * MOTION], times=TIMES, grip=TIMES)
+    assert read_demonstrations([path]).demonstrations.dimension == 3
+    result = read_demonstrations([path], orientation="matrix" if matrices else "wxyz")
+    assert apart(turned(result.demonstrations)) <= CLOSE
+    assert result.notes[1] == "left aside: grip; use --columns to choose others."
+
+
 def test_given_velocities_of_the_position_are_kept(save_npz) -> None:
     pose = np.hstack([MOTION, QUATERNIONS])
     path = save_npz(positions=pose, velocities=0 * pose + 0.25, times=TIMES)
