@@ -17,6 +17,7 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 SMALL = 1e-4  # of an angle: below it the first terms of a series are exact to float64
+UPRIGHT = 1e-7  # [rad] from a pitch of 90°: nearer to it, roll and yaw would be mostly rounding
 
 
 def quaternions(rotations: FloatArray) -> FloatArray:
@@ -61,33 +62,39 @@ def matrices(rotations: FloatArray) -> FloatArray:
     return np.asarray(columns.swapaxes(-1, -2))
 
 
+def roll_pitch_yaw(rotations: FloatArray) -> FloatArray:
+    """Return the angles (..., 3) about the fixed axes x, then y, then z of rotation vectors, [rad].
+
+    With a pitch of 90° or −90° only the sum or difference of roll and yaw counts: then yaw is zero.
+    """
+    m = matrices(rotations)
+    level = np.hypot(m[..., 0, 0], m[..., 1, 0])
+    upright = level < UPRIGHT
+    roll = np.arctan2(
+        np.where(upright, -m[..., 1, 2], m[..., 2, 1]), np.where(upright, m[..., 1, 1], m[..., 2, 2])
+    )
+    yaw = np.where(upright, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    return np.stack([roll, np.arctan2(-m[..., 2, 0], level), yaw], axis=-1)
+
+
 def angles(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the angles [rad] between rotations, given as rotation vectors. Shape (...)."""
     apart = product(inverse(quaternions(b)), quaternions(a))
     return np.asarray(2 * np.arctan2(np.linalg.norm(apart[..., :3], axis=-1), np.abs(apart[..., 3])))
 
 
-def nearest_turn(rotations: FloatArray, reference: FloatArray) -> FloatArray:
-    """Return the rotation vectors of the same rotations that are nearest to reference vectors.
-
-    A rotation by an angle θ about an axis is one by θ − 2π, and by θ + 2π, too.
-    """
-    length = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    axes = np.divide(rotations, length, out=np.zeros_like(rotations), where=length > 0)
-    along = np.sum(axes * reference, axis=-1, keepdims=True)
-    turns = np.round((along - length) / (2 * np.pi))
-    return np.asarray(rotations + 2 * np.pi * turns * axes)
-
-
 def continuous(rotations: FloatArray) -> FloatArray:
     """Return a sequence of rotation vectors (T, 3) of the same rotations without jumps by full turns.
 
-    Their lengths may exceed π.
+    Their lengths may exceed π. A rotation by an angle θ about an axis is one by θ − 2π, and by θ + 2π, too.
     """
-    sequence = np.array(rotations, dtype=np.float64)
-    for i in range(1, len(sequence)):
-        sequence[i] = nearest_turn(sequence[i], sequence[i - 1])
-    return sequence
+    length = np.linalg.norm(rotations, axis=1)
+    axes = np.divide(rotations, length[:, None], out=np.zeros_like(rotations), where=length[:, None] > 0)
+    flips = np.sum(axes[1:] * axes[:-1], axis=1) < 0  # the axis turns round, and the angle changes its sign
+    signs = np.where(np.append(0, np.cumsum(flips)) % 2, -1.0, 1.0)
+    angles = signs * length
+    turns = np.round((np.unwrap(angles) - angles) / (2 * np.pi))
+    return np.asarray(rotations + (2 * np.pi * turns * signs)[:, None] * axes)
 
 
 def mean(rotations: FloatArray, weights: FloatArray | None = None) -> FloatArray:

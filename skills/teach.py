@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations
 from skillctl.demonstrations.writing import DECIMALS, write_csv
 from skillctl.model.demonstration import Demonstration
+from skillctl.model.pose import Pose
 
 STARTS = ((0.385, 0.44), (-0.20, 0.20), (0.50, 0.58))  # x, y, z: low in front of the shelf, hand level [m]
 COUNT = 10  # demonstrations of each task
@@ -29,12 +31,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("directory", type=Path)
     folder = parser.parse_args().directory
-    reaches = {task: list(reaching_demonstrations(task, COUNT, starts=STARTS)) for task in TASKS}
+    reaches: dict[str, Iterable[Demonstration]] = {
+        task: list(reaching_demonstrations(task, COUNT, starts=STARTS)) for task in TASKS
+    }
     reaches["straight"] = [straight(reach) for reach in reaches["top-centre"]]
-    for task, demonstrations in reaches.items():
+    poses = {
+        f"{task}-turned": reaching_demonstrations(task, COUNT, starts=STARTS, turned=True) for task in TASKS
+    }
+    for task, demonstrations in {**reaches, **poses}.items():
         (folder / task).mkdir(parents=True, exist_ok=True)
+        space = Pose() if task in poses else None
         for number, demonstration in enumerate(demonstrations, start=1):
-            write_csv(demonstration, folder / task / f"{number}.csv")
+            write_csv(demonstration, folder / task / f"{number}.csv", space)
 
 
 if __name__ == "__main__":

@@ -181,6 +181,67 @@ def make_pose_skill(make_skill: Callable[..., Any], make_shears: Callable[..., A
 
 
 @pytest.fixture(scope="session")
+def make_grasp() -> Callable[..., Any]:
+    """Return a maker of skills of poses: two components, whose position and orientation swing to a target."""
+    import numpy as np
+
+    from skillctl.model.mixture import GaussianMixture
+    from skillctl.model.pose import Pose
+    from skillctl.model.seds import SedsSkill
+
+    def make(
+        target: Sequence[float] = (0.5, -0.1, 0.3, 2.9, 1.1, 0.0), *, length: float = 0.2, speed: float = 1.0
+    ) -> Any:
+        swing = np.array([[0, 1, 0.3], [-1, 0, 0], [-0.3, 0, 0]])
+        matrices = np.zeros((2, 6, 6))
+        for matrix, size in zip(matrices, (-0.5, 1.5), strict=True):
+            matrix[:3, :3] = -np.diag([1.2, 1.0, 1.6]) + size * swing
+            matrix[3:, 3:] = -np.diag([1.3, 1.1, 0.9]) + 0.5 * size * swing
+        unit = np.repeat([1.0, length / 0.2], 3)  # the same motion, whatever its length
+        means = np.array([*target[:3], 0, 0, 0]) + unit * [
+            [-0.25, 0.25, 0.2, 0.1, -0.1, 0.2],
+            [-0.05, 0.05, 0.04, 0.02, -0.02, 0.04],
+        ]
+        covariances = np.tile(np.diag(0.005 * unit**2), (2, 1, 1))
+        halves = np.array([0.5, 0.5])
+        return SedsSkill(
+            priors=halves,
+            means=means,
+            covariances=covariances,
+            system_matrices=matrices,
+            residual_covariances=0.01 * covariances,
+            attractor=np.array(target),
+            lyapunov=np.eye(6),
+            density=GaussianMixture(halves, means, covariances),
+            space=Pose(length=length),
+            speed=speed,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_grasp_motions() -> Callable[..., Any]:
+    """Return a maker of demonstrations for a skill of poses: ways of 3 s to its target, bent aside."""
+    import numpy as np
+
+    from skillctl.model.demonstration import Demonstration, DemonstrationSet
+
+    def make(skill: Any, count: int = 3) -> Any:
+        s = np.linspace(0, 1, 61)
+        eased = (s**3 * (10 - 15 * s + 6 * s**2))[:, None]
+        aside = np.array([0.02, 0.06, 0.03, 0.03, -0.02, 0.03]) * np.sin(np.pi * eased)
+        motions = []
+        for i in range(count):
+            start = np.array([-0.28, 0.28, 0.22, 0.14, -0.12, 0.22]) + 0.02 * np.eye(6)[i % 6]
+            states = skill.space.placed((1 - eased) * start + aside, skill.attractor)
+            motions.append(Demonstration.from_positions(3 * s, states, f"demo-{i}.csv", skill.space))
+        return DemonstrationSet(tuple(motions), skill.space)
+
+    return make
+
+
+@pytest.fixture(scope="session")
 def make_shears() -> Callable[..., Any]:
     """Return a maker of random shears around a target, with bumps of some share of their range."""
     import numpy as np

@@ -103,6 +103,14 @@ def test_small_commands_need_no_mathematics(line, tmp_path, library, monkeypatch
     )
 
 
+def test_adapting_skills_needs_no_simulator(tmp_path, library):
+    task = "[target]\nposition = [0, 0.0]\n[start]\nlow = [0.2, 0.1]\nhigh = [0.21, 0.1]\n"
+    (tmp_path / "t.toml").write_text(task)
+    arguments = ("adapt", "t.toml", "curve", "hook", "--store", library, "-o", "a.h5")
+    loaded = packages(*arguments, cwd=tmp_path)
+    assert loaded.isdisjoint({"pybullet", "pybullet_data", "rich", "PIL", "matplotlib", "cryptography"})
+
+
 @pytest.mark.parametrize("command", ["merge", "combine"])
 def test_making_skills_of_skills_needs_no_simulator(command, tmp_path, library):
     loaded = packages(command, "curve", "hook", "--store", library, "-o", "a.h5", cwd=tmp_path)

@@ -68,7 +68,39 @@ def test_a_motion_through_half_turns_is_continuous():
     assert np.abs(rotations.continuous(wrapped) - angles[:, None] * np.array([0.0, 0.6, 0.8])).max() <= CLOSE
 
 
+def test_a_continuous_motion_takes_the_nearest_of_all_turns():
+    # A hand that tumbles with a turning axis, past half a turn: each vector is the nearest of those that
+    # differ by whole turns to the one before.
+    t = np.linspace(0.0, 1.0, 500)[:, None]
+    axis = np.hstack([np.cos(2 * t), np.sin(2 * t), 0.5 - t])
+    smooth = 5.0 * np.sin(3 * t) * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    wrapped = Rotation.from_rotvec(smooth).as_rotvec()
+    expected = [wrapped[0]]
+    for vector in wrapped[1:]:
+        length = np.linalg.norm(vector)
+        several = [vector * (1 + 2 * np.pi * turn / length) for turn in range(-3, 4)] if length else [vector]
+        expected.append(min(several, key=lambda each: np.linalg.norm(each - expected[-1])))
+    assert np.abs(rotations.continuous(wrapped) - expected).max() <= CLOSE
+    assert np.abs(rotations.continuous(wrapped) - smooth).max() <= CLOSE
+    assert (rotations.continuous(smooth) == smooth).all()
+
+
 def test_the_mean_agrees_and_knows_no_signs(random):
     near = Rotation.from_rotvec([0.5, 3.0, 0.2]) * Rotation.from_rotvec(0.3 * random.as_rotvec()[:20])
     weights = np.linspace(1.0, 2.0, 20)
     assert same(rotations.mean(near.as_rotvec(), weights), near.mean(weights))
+
+
+def test_roll_pitch_and_yaw_turn_about_fixed_axes(random):
+    found = rotations.roll_pitch_yaw(random.as_rotvec())
+    assert same(Rotation.from_euler("xyz", found).as_rotvec(), random)  # small letters: fixed axes
+    assert np.abs(found[:, 1]).max() <= np.pi / 2
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0])
+def test_upright_there_is_no_yaw(pitch):
+    upright = Rotation.from_euler("xyz", [20.0, pitch, -50.0], degrees=True)
+    roll, _, yaw = rotations.roll_pitch_yaw(upright.as_rotvec())
+    assert yaw == 0
+    found = Rotation.from_euler("xyz", [roll, np.radians(pitch), 0.0])
+    assert (found.inv() * upright).magnitude() <= rotations.UPRIGHT

@@ -40,7 +40,8 @@ class Blends:
     def __init__(self, parts: Sequence[ActingSkill]) -> None:
         first = parts[0]
         self.parts = tuple(parts)
-        self._goal, self._coordinates = first.attractor, first.coordinates
+        self._goal, self._anchor, self._coordinates = first.attractor, first.anchor, first.coordinates
+        self._space = first.space
         self._gates = StackedGates([leaf.gated for part in parts for leaf in part.leaves])
         matrices = np.concatenate([part.component_matrices for part in parts])
         self._matrices = matrices.reshape(len(matrices), -1)
@@ -88,32 +89,34 @@ class Blends:
         weights = np.repeat(np.stack([blend.weights for blend in blends]), n, axis=0)
         factors = np.repeat(np.stack([blend.factors for blend in blends]), n, axis=0)
         scaled = bool((factors != 1).any())
-        states = np.tile(starts, (len(blends), 1))
-        y = self._coordinates.forward(states - self._goal)
-        kept = [states]
+        offsets = self._space.offsets(np.tile(starts, (len(blends), 1)), self._goal)
+        y = self._coordinates.forward(offsets)
+        kept = [offsets]
         for number in range(count):
-            h = self._own(self._gates.many(y.T), states)
-            shares = partial(self._shares, states, weights)
+            charted = self._anchor + offsets
+            h = self._own(self._gates.many(y.T), charted)
+            shares = partial(self._shares, charted, weights)
             h = chosen.weigh(h, self.owners, weights, shares, parameters)
             if scaled:
                 h = h * factors
             matrices = (h @ self._matrices).reshape(len(y), y.shape[1], -1)
             y = y + step * np.einsum("nij,nj->ni", matrices, y)
-            states = self._coordinates.back(y) + self._goal
-            kept.append(states)
-            if number % CHECKED == 0 and np.linalg.norm(states - self._goal, axis=1).max() < near:
+            offsets = self._coordinates.back(y)
+            kept.append(offsets)
+            if number % CHECKED == 0 and np.linalg.norm(offsets, axis=1).max() < near:
                 break
-        return np.stack(kept, axis=1).reshape(len(blends), n, len(kept), -1)
+        states = self._space.placed(np.stack(kept, axis=1), self._goal)
+        return states.reshape(len(blends), n, len(kept), -1)
 
-    def _own(self, h: FloatArray, states: FloatArray) -> FloatArray:
+    def _own(self, h: FloatArray, charted: FloatArray) -> FloatArray:
         """Return the weights of components within their part: merged skills mix their own first."""
         if not self._nested:
             return h
         blocks = np.split(h, self._starts, axis=1)
-        return np.concatenate([p.mixed(b, states) for p, b in zip(self.parts, blocks, strict=True)], axis=1)
+        return np.concatenate([p.mixed(b, charted) for p, b in zip(self.parts, blocks, strict=True)], axis=1)
 
-    def _shares(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+    def _shares(self, charted: FloatArray, weights: FloatArray) -> FloatArray:
         """Return αᵢ pᵢ / Σⱼ αⱼ pⱼ, with the weights of each state. Shape (n, N)."""
-        logs = np.stack([log_sum_exp(part.density.log_joint(states)) for part in self.parts])
+        logs = np.stack([log_sum_exp(part.density.log_joint(charted)) for part in self.parts])
         with np.errstate(divide="ignore"):  # no weight: never acts
             return softmax(logs + np.log(weights.T)).T

@@ -10,6 +10,7 @@ from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.skill import ActingSkill
+from skillctl.model.space import Space
 from skillctl.store import Lock, Registry, existing_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill
@@ -69,29 +70,47 @@ def candidates_from_store(
         UsageError: The store has fewer than two skills in the state space of the demonstrations.
         FitError: No skill moves along with them.
     """
-    registry, space = Registry(existing_store(store)), demonstrations.space
+    root, space = existing_store(store), demonstrations.space
+    readable, notes = newest_of_store(root, lock, but=but)
+    sources = [s for s in readable if isinstance(s.skill, ActingSkill) and _alike(s.skill.space, space)]
+    if len(sources) < 2:
+        raise UsageError(
+            f"the store {root} has {len(sources)} skills with coordinates "
+            f"{', '.join(space.names)} in {space.unit}, frame {space.frame}; at least two are needed.",
+            hint="Learn more skills, or name another store with --store.",
+        )
+    digests = tuple(source.artifact.digest for source in sources)
+    return Candidates(_helpful(sources, demonstrations), digests, notes)
+
+
+def newest_of_store(
+    root: Path, lock: Lock | None = None, *, but: str | None = None
+) -> tuple[list[Source], tuple[str, ...]]:
+    """Return the newest version of each skill of a store, and a sentence for each that cannot be read.
+
+    Args:
+        root: Its directory.
+        lock: Only the skills and the versions that it names.
+        but: A name to leave out.
+    """
+    registry = Registry(root)
     sources: list[Source] = []
     notes: list[str] = []
     for name in registry.names():
         if name == but or (lock is not None and not lock.names(name)):
             continue
         try:
-            source = open_skill(name, registry.root, lock)
+            sources.append(open_skill(name, registry.root, lock))
         except NotLockedError:
             raise
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
-            continue
-        if isinstance(source.skill, ActingSkill) and source.skill.space == space:
-            sources.append(source)
-    if len(sources) < 2:
-        raise UsageError(
-            f"the store {registry.root} has {len(sources)} skills with coordinates "
-            f"{', '.join(space.names)} in {space.unit}, frame {space.frame}; at least two are needed.",
-            hint="Learn more skills, or name another store with --store.",
-        )
-    digests = tuple(source.artifact.digest for source in sources)
-    return Candidates(_helpful(sources, demonstrations), digests, tuple(notes))
+    return sources, tuple(notes)
+
+
+def _alike(space: Space, other: Space) -> bool:
+    """Return whether states of two spaces are alike; a characteristic length can be changed."""
+    return all(getattr(space, what) == getattr(other, what) for what in ("kind", "names", "unit", "frame"))
 
 
 def _helpful(sources: Sequence[Source], demonstrations: DemonstrationSet) -> tuple[Source, ...]:

@@ -18,10 +18,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
 from skillctl.geometry import resample_by_arc_length
 from skillctl.model.space import Space
 
 COMPARED = 40  # points of two paths that are compared, evenly spaced in arc length
+TURN = 5.0  # [deg], allowed at the end of a pose unless the task has another number
 STILL = 1e-9  # [m] of a step: a shorter one has no direction
 
 # Strict: 0.3 and 1 are numbers, "0.3" and true are not.
@@ -54,12 +56,12 @@ class Paths:
     @cached_property
     def positions(self) -> FloatArray:
         """Positions of the hand. Shape (n, T, 3), or (n, T, d) of a skill that moves something else."""
-        return self.states[..., :3] if self.space.kind == "pose" else self.states
+        return self.states[..., : self.space.positions]
 
     @cached_property
     def gaps(self) -> FloatArray:
-        """Distance to the target at every state. Shape (n, T), [m]."""
-        return np.asarray(self.space.distance(self.states, self.target))
+        """Distance of the position to the target at every state. Shape (n, T), [m]."""
+        return lengths(self.positions - self.target[: self.space.positions])
 
     @cached_property
     def ways(self) -> FloatArray:
@@ -123,6 +125,8 @@ class Target(Clause):
     Attributes:
         position: Where, in the skill's frame: coordinates; of poses also ``x,y,z,qx,qy,qz,qw``.
         tolerance: Within this distance it has arrived, [m].
+        tolerance_deg: Largest angle to the target's orientation at the end, [deg]; a clause of its own. None:
+            ``TURN`` where the position is a pose, else none.
     """
 
     unit: ClassVar[str] = "m"
@@ -130,6 +134,7 @@ class Target(Clause):
 
     position: Vector
     tolerance: Positive = 0.005
+    tolerance_deg: Positive | None = None
 
     def margins(self, paths: Paths) -> FloatArray:
         """Return by how much the end is nearer to the target than it must be."""
@@ -138,6 +143,30 @@ class Target(Clause):
     def scale(self, way: float) -> float:
         """Return a quarter of the tolerance: motions end when they are a good deal nearer than it."""
         return 0.25 * self.tolerance
+
+
+class Orientation(Clause):
+    """The hand ends with the target's orientation; [deg].
+
+    Attributes:
+        most: Largest angle between both, [deg].
+    """
+
+    unit: ClassVar[str] = "deg"
+    signal: ClassVar[str] = "F G (angle to the target's orientation ≤ tolerance-deg)"
+
+    most: Positive
+
+    def margins(self, paths: Paths) -> FloatArray:
+        """Return by how much the last angle is smaller than it may be."""
+        _, angles = paths.space.apart(paths.states[:, -1], paths.target)
+        if angles is None:
+            raise UsageError("target.tolerance-deg: the skills have no orientation.", hint="Leave it out.")
+        return np.asarray(self.most - np.degrees(angles))
+
+    def scale(self, way: float) -> float:
+        """Return a quarter of the tolerance, as of the position."""
+        return 0.25 * self.most
 
 
 class Via(Clause):
@@ -218,7 +247,7 @@ class Approach(Clause):
         """Return how far from the largest angle the motion stays; none at all counts as the best."""
         unit = np.array(self.direction) / np.linalg.norm(self.direction)
         cosines = np.clip(paths.ways @ unit / np.maximum(paths.lengths, STILL), -1.0, 1.0)
-        gaps = lengths(paths.positions[:, 1:] - paths.target[: paths.positions.shape[-1]])
+        gaps = paths.gaps[:, 1:]
         near = (gaps <= self.distance) & (gaps > paths.tolerance) & (paths.lengths > STILL)
         return np.asarray(self.within_deg - np.degrees(np.arccos(np.where(near, cosines, 1.0).min(axis=1))))
 
@@ -237,8 +266,8 @@ class Limit(Clause):
     most: Positive
 
     def scale(self, way: float) -> float:
-        """Return a quarter of the number."""
-        return 0.25 * self.most
+        """Return a tenth of the number: the room that the search leaves where it chooses the speed."""
+        return 0.1 * self.most
 
 
 class SpeedLimit(Limit):

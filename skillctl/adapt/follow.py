@@ -15,7 +15,7 @@ from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import ActingSkill, AnyActing, contraction_period
+from skillctl.model.skill import ActingSkill, AnyActing
 from skillctl.model.stepper import moved
 
 PERIOD = LearnOptions().period  # [s] of a controller; the result keeps it if its parts do
@@ -88,13 +88,6 @@ def follow(
     )
     factors = np.exp(found.x)
     return mixture.merged(factors, mixture.speed(factors, demonstrations))
-
-
-def slowed(merged: MergedSkill) -> MergedSkill:
-    """Return the merger, slowed down if it does not contract at a controller period at which its parts do."""
-    periods = [contraction_period(part) for part in merged.parts]
-    fastest = SAFE * float(min(periods)) / min(PERIOD, float(min(periods)))
-    return replace(merged, speed=min(merged.speed, fastest))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

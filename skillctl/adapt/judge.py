@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from skillctl.adapt.clauses import Demonstrations, Like, NearTo, Paths, PeriodLimit, StayIn, compared
-from skillctl.adapt.keep_out import KeepOut
+from skillctl.adapt.keep_out import KeepOutClause
 from skillctl.adapt.task_file import Task
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
@@ -54,7 +54,7 @@ class Judge:
     def of(
         cls,
         task: Task,
-        space: Space,
+        skill: Skill,
         starts: FloatArray,
         shown: Mapping[str, DemonstrationSet] | None = None,
         like: Mapping[str, Skill] | None = None,
@@ -63,34 +63,42 @@ class Judge:
 
         Args:
             task: The clauses.
-            space: Of the skills.
-            starts: Where motions begin.
+            skill: One of those to be judged; where the target's orientation is not given, it keeps its own.
+            starts: Where motions begin; of poses positions will do, with the target's orientation.
             shown: Demonstrations of each clause that compares with some, by its name.
             like: Skill of each clause that compares with one, by its name.
 
         Raises:
             UsageError: The task has another dimension than the space.
         """
-        target = np.array(task.target.position)
-        for what, size in (("target", len(target)), ("start", starts.shape[1])):
-            if size != space.dimension:
+        space = skill.space
+        allowed = {
+            "target": (len(task.target.position), {space.positions, *space.sizes}),
+            "start": (starts.shape[1], {space.positions, space.dimension}),
+        }
+        for what, (size, sizes) in allowed.items():
+            if size not in sizes:
                 raise UsageError(
                     f"{what}: the task has {size} numbers, the skills have {space.dimension} "
                     f"({', '.join(space.names)}).",
                     hint="Write the task in the coordinates of the skills.",
                 )
+        target = retargeted(skill, task.target.position).attractors[0]
+        turned = np.tile(target[starts.shape[1] :], (len(starts), 1))
+        starts = np.concatenate([starts, turned], axis=1)
         rows, references, every = {}, {}, [starts]
         for name, clause in task.clauses.items():
             rows[name] = slice(0, len(starts))
             if isinstance(clause, Demonstrations):
-                paths = [m.positions - m.positions[-1] + target for m in (shown or {})[name]]
+                paths = [space.carried(m.positions, m.positions[-1], target) for m in (shown or {})[name]]
                 first = sum(map(len, every))
                 every.append(np.stack([path[0] for path in paths]))
                 rows[name] = slice(first, first + len(paths))
-                references[name] = np.concatenate([compared(path[None]) for path in paths])
+                own = [compared(path[None, :, : space.positions]) for path in paths]
+                references[name] = np.concatenate(own)
             elif isinstance(clause, Like):
-                skill = retargeted((like or {})[name], target)
-                references[name] = compared(follow(skill, starts, task)[0])
+                model = retargeted((like or {})[name], target)
+                references[name] = compared(follow(model, starts, task)[0][..., : space.positions])
         return cls(task, target, space, np.concatenate(every), rows, references)
 
     @cached_property
@@ -100,7 +108,7 @@ class Judge:
         found = {}
         for name, clause in self.task.clauses.items():
             found[name] = clause.scale(self.task.way)
-            if isinstance(clause, KeepOut | StayIn) and (most := float(clause.margins(resting)[0])) > 0:
+            if isinstance(clause, KeepOutClause | StayIn) and (most := float(clause.margins(resting)[0])) > 0:
                 found[name] = min(found[name], HALF * most)
         return found
 

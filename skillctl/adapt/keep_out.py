@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import reduce
+from itertools import product
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -10,12 +11,13 @@ from pydantic import Field
 
 from skillctl.adapt.clauses import Clause, NotNegative, Number, Paths, Positive, Vector, lengths
 from skillctl.arrays import FloatArray
+from skillctl.model.coordinates.bodies import Ball, Body, Box, Cylinder, Ellipsoid
 
 NEWTON_STEPS = 15  # towards the nearest point of an ellipsoid; from below it converges quadratically
 TINY = 1e-300
 
 
-class KeepOut(Clause):
+class KeepOutClause(Clause):
     """The hand never comes nearer to a convex body than ``clearance``; [m].
 
     The margin is the smallest distance of the hand to the body, without the clearance. Between two samples
@@ -44,22 +46,38 @@ class KeepOut(Clause):
         """Return the signed distance of points (..., d) to the surface, negative inside. Shape (...), [m]."""
         raise NotImplementedError
 
+    def outline(self) -> FloatArray:
+        """Return points (n, d) of the surface whose convex hull is, nearly, the body: for pictures."""
+        raise NotImplementedError
+
+    def body(self, name: str) -> Body:
+        """Return the body as coordinates and controllers know it, under the name of the clause."""
+        raise NotImplementedError
+
     def _offsets(self, points: FloatArray) -> FloatArray:
         return np.asarray(points - np.array(self.centre))
 
 
-class KeepOutBall(KeepOut):
+class KeepOutBall(KeepOutClause):
     """All points within ``radius`` [m] of the centre."""
 
     kind: Literal["ball"]
     radius: Positive
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Return ‖x − c‖ − r; see ``KeepOut``."""
+        """Return ‖x − c‖ − r; see ``KeepOutClause``."""
         return np.asarray(lengths(self._offsets(points)) - self.radius)
 
+    def outline(self) -> FloatArray:
+        """Return points of the sphere."""
+        return np.array(self.centre) + self.radius * _sphere(len(self.centre))
 
-class KeepOutTurned(KeepOut):
+    def body(self, name: str) -> Body:
+        """Return the ball."""
+        return Ball(name, self.centre, self.radius)
+
+
+class KeepOutTurned(KeepOutClause):
     """A body with axes of its own.
 
     Attributes:
@@ -72,6 +90,11 @@ class KeepOutTurned(KeepOut):
         offsets = points - np.array(self.centre)
         return np.asarray(offsets @ _rotation(self.turn)) if self.turn else offsets
 
+    def _placed(self, local: FloatArray) -> FloatArray:
+        """Return points (n, d) that are given along the body's own axes."""
+        turned = local @ _rotation(self.turn).T if self.turn else local
+        return np.asarray(np.array(self.centre) + turned)
+
 
 class KeepOutEllipsoid(KeepOutTurned):
     """An ellipsoid with semi-axes ``radii`` [m] along its own axes."""
@@ -80,7 +103,7 @@ class KeepOutEllipsoid(KeepOutTurned):
     radii: Annotated[tuple[Positive, ...], Field(min_length=1)]
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Return the distance outside, and inside a number between that and zero; see ``KeepOut``.
+        """Return the distance outside, and inside a number between that and zero; see ``KeepOutClause``.
 
         The nearest point of u is yᵢ = aᵢ² uᵢ / (aᵢ² + t) with Σ (aᵢ uᵢ / (aᵢ² + t))² = 1; the sum is convex
         and falls with t, so Newton's method from below does not overshoot.
@@ -95,6 +118,14 @@ class KeepOutEllipsoid(KeepOutTurned):
         gauge = lengths(u / a)
         return np.asarray(np.where(gauge > 1, outside, (gauge - 1) * a.min()))
 
+    def outline(self) -> FloatArray:
+        """Return points of the surface."""
+        return self._placed(_sphere(len(self.radii)) * np.array(self.radii))
+
+    def body(self, name: str) -> Body:
+        """Return the ellipsoid."""
+        return Ellipsoid(name, self.centre, turn=self.turn, radii=self.radii)
+
 
 class KeepOutBox(KeepOutTurned):
     """A box with edges ``size`` [m] along its own axes."""
@@ -103,8 +134,17 @@ class KeepOutBox(KeepOutTurned):
     size: Annotated[tuple[Positive, ...], Field(min_length=1)]
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Return the distance to the nearest face, edge or corner; see ``KeepOut``."""
+        """Return the distance to the nearest face, edge or corner; see ``KeepOutClause``."""
         return _beyond(np.abs(self._offsets(points)) - 0.5 * np.array(self.size))
+
+    def outline(self) -> FloatArray:
+        """Return the corners."""
+        signs = np.array(list(product((-0.5, 0.5), repeat=len(self.size))))
+        return self._placed(signs * np.array(self.size))
+
+    def body(self, name: str) -> Body:
+        """Return the box."""
+        return Box(name, self.centre, turn=self.turn, size=self.size)
 
 
 class KeepOutCylinder(KeepOutTurned):
@@ -116,22 +156,45 @@ class KeepOutCylinder(KeepOutTurned):
     height: Positive
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Return the distance to the nearest part of side, lid or rim; see ``KeepOut``."""
+        """Return the distance to the nearest part of side, lid or rim; see ``KeepOutClause``."""
         u = self._offsets(points)
         around = np.hypot(u[..., 0], u[..., 1]) - self.radius
         return _beyond(np.stack([around, np.abs(u[..., 2]) - 0.5 * self.height], axis=-1))
 
+    def outline(self) -> FloatArray:
+        """Return points of both rims."""
+        rim = self.radius * _sphere(2)
+        lids = [np.column_stack([rim, np.full(len(rim), side * self.height)]) for side in (-0.5, 0.5)]
+        return self._placed(np.concatenate(lids))
 
-Body: TypeAlias = Annotated[
+    def body(self, name: str) -> Body:
+        """Return the cylinder."""
+        return Cylinder(name, self.centre, turn=self.turn, radius=self.radius, height=self.height)
+
+
+AnyKeepOut: TypeAlias = Annotated[
     KeepOutBall | KeepOutEllipsoid | KeepOutBox | KeepOutCylinder, Field(discriminator="kind")
 ]
-BODIES: tuple[type[KeepOut], ...] = (KeepOutBall, KeepOutEllipsoid, KeepOutBox, KeepOutCylinder)
+BODIES: tuple[type[KeepOutClause], ...] = (KeepOutBall, KeepOutEllipsoid, KeepOutBox, KeepOutCylinder)
 
 
 def box_between(low: Any, high: Any) -> dict[str, Any]:
     """Return the entries of a box from its lowest to its highest corner, (d,) each."""
     middle, size = 0.5 * (np.asarray(low) + np.asarray(high)), np.asarray(high) - np.asarray(low)
     return {"kind": "box", "centre": middle.tolist(), "size": size.tolist()}
+
+
+def _sphere(dimension: int) -> FloatArray:
+    """Return points all over the unit circle, or sphere; of more dimensions where the axes meet it."""
+    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    if dimension == 2:
+        return circle
+    if dimension == 3:
+        heights = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 13))
+        rings = [np.column_stack([np.sqrt(1 - z * z) * circle, np.full(len(circle), z)]) for z in heights]
+        return np.concatenate(rings)
+    return np.concatenate([np.eye(dimension), -np.eye(dimension)])
 
 
 def _beyond(over: FloatArray) -> FloatArray:

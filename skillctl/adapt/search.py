@@ -9,7 +9,8 @@ from itertools import combinations, product
 import numpy as np
 
 from skillctl.adapt.blends import Blend, Blends
-from skillctl.adapt.judge import AMPLE, ARRIVED, RESOLVED, Judge, follow, padded
+from skillctl.adapt.clauses import compared, lengths
+from skillctl.adapt.judge import ARRIVED, RESOLVED, Judge, follow, padded
 from skillctl.adapt.task_file import Task
 from skillctl.arrays import FloatArray
 from skillctl.compose.combine import combine
@@ -24,10 +25,18 @@ STARTS = 16  # that every candidate is judged from
 GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
 FINER = (1 / 12, 1 / 24, 1 / 48)  # weights that are moved from one part to another, round by round
 FACTORS = (0.5, 2.0)  # of a component, that are tried one at a time
-PAYS = 0.05  # a score that is better by less is not worth a factor per component
+ENOUGH = 0.5  # a score from which on no factors are tried: half of what is ample
+PAYS = 0.05  # a score that is better by less is not worth more parts, or a factor per component
 SLOWER = 2.5  # a merger is followed for this many times the time of the slowest single skill
 RESOLUTION = 150  # steps of a merger, at least, in the time of the slowest single skill
 LONGEST_STEP = 0.02  # [s]
+MOST_PARTS = 3  # of a store that are searched; each more makes a common proof harder
+PAIRED = 8  # skills that are tried in pairs, those that alone are best and move differently
+ALIKE = 0.05  # of the way: motions that are nearer to each other on average are alike
+ROUNDS = 3  # of a search that is repeated with starts from which its result fails
+DRAWN = 200  # starts that look for such
+ADDED = 8  # of them
+FIRST_SEED = 1000  # of starts that are drawn
 MOST_COMBINED = 5  # skills of which all subsets are combined
 
 
@@ -73,7 +82,7 @@ class Search:
     """What was tried for a task.
 
     Attributes:
-        candidates: All, the best first.
+        candidates: All by score, but first the simplest of those that are nearly as good as the best.
         single: The best skill that is moved to the target and changed no further.
         equal: All parts with equal weights; None if there is one part, or no common proof.
         judge: What they were judged by.
@@ -86,7 +95,7 @@ class Search:
 
     @property
     def best(self) -> Candidate:
-        """The candidate with the largest score."""
+        """The first candidate."""
         return self.candidates[0]
 
 
@@ -109,35 +118,140 @@ def search(
     Args:
         task: What is wanted.
         skills: One or more, each with one attractor.
-        parts: The same for merging, under one P and in one chart. Default: the skills, if they have that;
-            else nothing is merged.
+        parts: The same for merging, under one P and in one chart (``compose.merge.common_members``). Default:
+            the skills, if they have that; else nothing is merged.
         starts: Where motions begin, (n, d); by default ``STARTS`` spread over the task's start box.
         shown: Demonstrations of each clause that compares with some, by its name.
         like: Skill of each clause that compares with one, by its name.
 
     Raises:
         UsageError: No skill can be moved to the target, or the task has another dimension.
+        NoCommonLyapunovError: The parts have different P or charts.
     """
     starts = task.start.spread(STARTS) if starts is None else starts
     usable = [i for i, skill in enumerate(skills) if len(skill.attractors) == 1]
     if not usable:
         raise UsageError("adapt: no skill has one target.", hint="Combine skills with --align first.")
-    judge = Judge.of(task, skills[0].space, starts, shown, like)
+    judge = Judge.of(task, skills[usable[0]], starts, shown, like)
     trial = _Trial(judge, len(skills))
     singles = {i: retargeted(skills[i], judge.target) for i in usable}
     alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
     found = trial.singles(singles, alone)
     combined = trial.combined(singles, alone)
-    if parts is None:
-        parts = _common(list(singles.values()))
+    parts = _common(list(singles.values())) if parts is None else common_members(parts, None)
     merged: list[Candidate] = []
     if parts is not None and len(parts) > 1:
         moved = [retargeted(part, judge.target) for part in parts]
         slowest = max(motions.step * motions.states.shape[1] for motions in alone.values())
         merged = trial.merged(Blends(moved), slowest)
     equal = next((c for c in merged if c.gate == MERGE_GATES[0].name and np.ptp(c.weights) == 0), None)
-    ranked = sorted([*found, *merged, *combined], key=_score, reverse=True)
+    ranked = _ranked([*found, *merged, *combined])
     return Search(tuple(ranked), max(found, key=_score), equal, judge)
+
+
+def search_robustly(
+    task: Task,
+    skills: Sequence[Skill],
+    parts: Sequence[ActingSkill] | None = None,
+    *,
+    shown: Mapping[str, DemonstrationSet] | None = None,
+    like: Mapping[str, Skill] | None = None,
+) -> Search:
+    """Return what ``search`` finds, repeated with more starts while drawn ones find a clause that fails.
+
+    Each round draws other starts; those from which the best candidate fails most are added to the search.
+    """
+    starts = task.start.spread(STARTS)
+    for number in range(ROUNDS):
+        found = search(task, skills, parts, starts=starts, shown=shown, like=like)
+        if not found.best.holds or task.start.points is not None:
+            break
+        drawn = task.start.drawn(DRAWN, FIRST_SEED + number)
+        skill = found.best.build()
+        margins = Judge.of(task, skill, drawn, shown, like).trial(skill)
+        worst = np.min([values for values in margins.values() if len(values) == DRAWN], axis=0)
+        failing = np.argsort(worst)[:ADDED][np.sort(worst)[:ADDED] < 0]
+        if not len(failing):
+            break
+        starts = np.concatenate([starts, drawn[failing]])
+    return found
+
+
+def shortlist(
+    task: Task,
+    skills: Sequence[Skill],
+    *,
+    shown: Mapping[str, DemonstrationSet] | None = None,
+    like: Mapping[str, Skill] | None = None,
+) -> tuple[int, ...]:
+    """Return which skills, at most ``MOST_PARTS`` of them, help most with a task: rising indices.
+
+    Each is judged alone; the best that move differently are judged in pairs that move with the mean of both
+    velocities, whatever their P and charts. The parts of the best pairs are taken, and the best single skill.
+    """
+    starts = task.start.spread(STARTS // 2)
+    usable = {i: skill for i, skill in enumerate(skills) if len(skill.attractors) == 1}
+    if len(usable) <= MOST_PARTS:
+        return tuple(usable)
+    judge = Judge.of(task, next(iter(usable.values())), starts, shown, like)
+    trial = _Trial(judge, len(skills))
+    singles = {i: retargeted(skill, judge.target) for i, skill in usable.items()}
+    alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
+    ranked = sorted(trial.singles(singles, alone), key=_score, reverse=True)
+    order = [c.parts[0] for c in ranked]
+    fresh = _different(order, {i: m.states for i, m in alone.items()}, task.way)[:PAIRED]
+    best = [*fresh, *(i for i in order if i not in fresh)][: max(len(fresh), MOST_PARTS)]
+    pairs = list(combinations(best, 2))
+    slowest = max(alone[i].step * alone[i].states.shape[1] for i in best)
+    step = min(LONGEST_STEP, slowest / RESOLUTION, *(RESOLVED * alone[i].period for i in best))
+    states = _paired(singles, pairs, judge.starts, step, round(slowest / step))
+    steps, periods = np.full(states.shape[:2], step), np.full(len(pairs), step)
+    scores = judge.scores(judge.margins(states, steps, periods))
+    chosen = [best[0]]
+    for number in np.argsort(-scores, kind="stable"):
+        chosen += [i for i in pairs[number] if i not in chosen]
+        if len(chosen) >= MOST_PARTS:
+            break
+    return tuple(sorted(chosen[:MOST_PARTS]))
+
+
+def _different(ranked: Sequence[int], motions: Mapping[int, FloatArray], way: float) -> list[int]:
+    """Return indices by rank, without those whose motions (n, T, d) are like those of a better one."""
+    ways: list[FloatArray] = []
+    fresh: list[int] = []
+    for i in ranked:
+        path = compared(motions[i])
+        if all(float(lengths(path - other).mean()) > ALIKE * way for other in ways):
+            ways.append(path)
+            fresh.append(i)
+    return fresh
+
+
+def _paired(
+    skills: Mapping[int, Skill], pairs: Sequence[tuple[int, int]], starts: FloatArray, step: float, count: int
+) -> FloatArray:
+    """Return motions (pairs, n, T, d) with the mean velocity of two skills each."""
+    space = next(iter(skills.values())).space
+    names = sorted({i for pair in pairs for i in pair})
+    members = {i: [k for k, pair in enumerate(pairs) if i in pair] for i in names}
+    x = np.tile(starts, (len(pairs), 1, 1))
+    kept = [x]
+    for _ in range(count):
+        velocities = np.zeros_like(x)
+        for i, rows in members.items():
+            own = x[rows].reshape(-1, x.shape[-1])
+            velocities[rows] += 0.5 * skills[i].velocity(own).reshape(len(rows), *x.shape[1:])
+        x = space.displace(x, step * velocities)
+        kept.append(x)
+    return np.stack(kept, axis=2)
+
+
+def _ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates by score, but first the simplest of those that are nearly as good as the best."""
+    ranked = sorted(candidates, key=_score, reverse=True)
+    near = [c for c in ranked if c.score > ranked[0].score - PAYS and c.holds == ranked[0].holds]
+    simplest = min(near, key=lambda c: (c.component_wise, len(c.parts)))
+    return [simplest, *(c for c in ranked if c is not simplest)]
 
 
 def _common(skills: Sequence[Skill]) -> Sequence[ActingSkill] | None:
@@ -255,7 +369,7 @@ class _Trial:
             if near:
                 found += self._merged(blends, [blends.plain(w) for w in near], best.gate, slowest)
         best = max(found, key=_score)
-        if best.score < AMPLE:
+        if best.score < ENOUGH:
             k = len(blends.owners)
             used = np.flatnonzero(best.weights[blends.owners])
             scaled = [

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from skillctl import metrics
-from skillctl.adapt.follow import follow, slowed
+from skillctl.adapt.charted import charted, uncharted
+from skillctl.adapt.follow import follow
 from skillctl.adapt.options import FitLevel
+from skillctl.adapt.pace import motions_from, paced, paths_to
 from skillctl.adapt.weights import fit_velocities
 from skillctl.arrays import FloatArray
 from skillctl.compose.merge import merge as merge_skills
@@ -18,16 +20,14 @@ from skillctl.errors import FitError
 from skillctl.geometry import phases
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
-from skillctl.model.rollout import Rollouts, rollout
-from skillctl.model.skill import ActingSkill, Skill, contraction_period
+from skillctl.model.retarget import goal_of
+from skillctl.model.skill import ActingSkill, Skill
 from skillctl.model.space import Space
 
 PER_PART = "weights per part"
 NEIGHBOURHOOD = 0.1  # distance of a neighbour's start, as a share of the demonstration's way to its end
+LATE = 1.25  # of the demonstrated duration: later than that is another motion
 PAIRED = 4  # pairs are tried of this many parts, those that alone come nearest
-PATIENCE = 5  # a motion is followed for this many durations of the longest demonstration
-NEAR = 0.05  # of the way to its end: nearer than that a motion is as good as done
-STEPS = (200, 2000)  # per demonstration duration: at least as fine, and at most as fine, as this
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class FittedMerger:
             ``weights per part`` or ``per component``.
         errors: On the demonstrations given.
         held_out: The same on each demonstration with weights fitted to the others; None for a single one.
+        late: How many times as long as the demonstrations its motions take: 1 unless the controller period
+            that its parts are proved for limits its speed.
     """
 
     skill: MergedSkill
@@ -65,6 +67,7 @@ class FittedMerger:
     choice: str
     errors: TaskErrors
     held_out: TaskErrors | None
+    late: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +80,25 @@ class _Candidate:
         choice: What it is called in reports.
         distances: DTW distance to each demonstration, in the first column, and to its neighbours.
             Shape (n, 1 + 2d).
+        late: How many times as long as the demonstrations its motions take, because of the period.
     """
 
     skill: MergedSkill
     weights: FloatArray
     choice: str
     distances: FloatArray
+    late: float
 
     @classmethod
     def of(
         cls, skill: MergedSkill, weights: FloatArray, choice: str, families: Sequence[DemonstrationSet]
     ) -> _Candidate:
         shown = tuple(family.demonstrations[0] for family in families)
-        skill = timed(skill, DemonstrationSet(shown, skill.space))
+        found = paced(skill, [DemonstrationSet(shown, skill.space)])
+        skill = found.skill
         motions = tuple(motion for family in families for motion in family)
-        distances = task_distances(skill, DemonstrationSet(motions, skill.space), skill.attractor)
-        return cls(skill, weights, choice, distances.reshape(len(families), -1))
+        distances = task_distances(skill, DemonstrationSet(motions, skill.space), skill.attractor, found.late)
+        return cls(skill, weights, choice, distances.reshape(len(families), -1), found.late)
 
 
 def fit_to_task(
@@ -109,22 +115,27 @@ def fit_to_task(
     whole motions, from the best of those weights, equal weights and one part alone. Of everything tried, the
     result has the smallest mean DTW distance to the demonstrations and their neighbours, provided that on
     the demonstrations alone it does at least as well as one part alone and equal weights. What it does not
-    show: how near motions from other starts come, for which see ``held_out``.
+    show: how near motions from other starts come, for which see ``held_out``. Of poses, distances are those
+    of charted states, in which an angle counts as the characteristic length says.
 
     Args:
         parts: Two or more SEDS or merged skills.
         task: Demonstrations of the new task.
         lyapunov: Common P of the parts, (d, d).
         level: One weight per part, or ``component``: also one factor per component.
-        target: Attractor of the result; by default the mean of the demonstrations' end points.
+        target: Attractor of the result, as of ``retargeted``; what is not given of it is the mean of the
+            demonstrations' ends.
 
     Raises:
         UsageError, NoCommonLyapunovError: As ``compose.merge``.
         FitError: Every mixture that was tried diverges.
     """
-    if target is None:
-        target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
-    parts = merge_skills(parts, target=target, lyapunov=lyapunov).parts
+    goal = task.space.mean(np.array([motion.positions[-1] for motion in task]))
+    if target is not None:
+        goal = goal_of(task.space, target, goal)
+    members = merge_skills(parts, target=goal, lyapunov=lyapunov).parts
+    space, attractor = members[0].space, members[0].attractor
+    parts, task = charted(members, task)
     families = [_family(motion, task.space) for motion in task]
     plain = _unfitted(parts, families)
     pairs = _pairs(plain, families)
@@ -140,61 +151,25 @@ def fit_to_task(
         held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances[:, 0])
     used = tuple(np.flatnonzero(best.weights).tolist())
-    return FittedMerger(best.skill, used, best.choice, errors, held_out)
+    found = uncharted(best.skill, space, attractor)
+    return FittedMerger(found, used, best.choice, errors, held_out, best.late)
 
 
-def task_distances(skill: Skill, task: DemonstrationSet, attractor: FloatArray) -> FloatArray:
+def task_distances(
+    skill: Skill, task: DemonstrationSet, attractor: FloatArray, late: float = 1.0
+) -> FloatArray:
     """Return the DTW distance of the motion from each demonstrated start to the demonstration. Shape (n,).
 
     Args:
         skill: What moves.
         task: Demonstrations; each counts relative to its own end.
         attractor: Where they end, (d,).
+        late: How many times as long as the demonstrations the motions take: they are followed so long.
     """
-    paths = _paths(task, attractor)
-    found = _motions(skill, paths, max(motion.duration for motion in task))
+    paths = paths_to(task, attractor)
+    found = motions_from(skill, paths, late * max(motion.duration for motion in task))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.array([metrics.dtw(found.trajectory(i)[1], path) for i, path in enumerate(paths)])
-
-
-def timed(skill: MergedSkill, task: DemonstrationSet) -> MergedSkill:
-    """Return a merger at the speed at which its motions near the target as soon as the demonstrations do.
-
-    Velocities that are averaged or that miss the demonstrated directions fit best when they are too small, so
-    the speed that fits them is too slow. The path does not depend on it. Where the parts contract at a
-    controller period that the faster merger would not contract at, it is as fast as that period allows.
-
-    Args:
-        skill: A superposition.
-        task: Demonstrations; each counts relative to its own end.
-    """
-    goal, paths = skill.attractor, _paths(task, skill.attractor)
-    found = _motions(skill, paths, max(motion.duration for motion in task))
-    ratios = []
-    for index, (motion, path) in enumerate(zip(task, paths, strict=True)):
-        near = NEAR * float(np.linalg.norm(path - goal, axis=1).max())
-        taken = _time_to_near(*found.trajectory(index), goal, near)
-        ratios.append(taken / _time_to_near(motion.times - motion.times[0], path, goal, near))
-    ratio = float(np.clip(np.median(ratios), 1 / PATIENCE, PATIENCE))
-    return slowed(replace(skill, speed=skill.speed * ratio))
-
-
-def _time_to_near(times: FloatArray, path: FloatArray, goal: FloatArray, near: float) -> float:
-    """Return when a path (n, d) is nearer than ``near`` to the goal for good, or ends, [s]."""
-    outside = np.flatnonzero(np.linalg.norm(path - goal, axis=1) > near)
-    return float(times[min(outside[-1] + 1, len(times) - 1)]) if outside.size else 0.0
-
-
-def _paths(task: DemonstrationSet, attractor: FloatArray) -> list[FloatArray]:
-    return [motion.positions - motion.positions[-1] + attractor for motion in task]
-
-
-def _motions(skill: Skill, paths: Sequence[FloatArray], longest: float) -> Rollouts:
-    """Return the motions of a skill from where paths begin; a step longer than proved may diverge."""
-    stable = 0.5 * contraction_period(skill)
-    period = float(np.clip(stable, longest / STEPS[1], longest / STEPS[0]))
-    with np.errstate(over="ignore", invalid="ignore"):
-        return rollout(skill, np.stack([p[0] for p in paths]), duration=PATIENCE * longest, period=period)
 
 
 def _family(motion: Demonstration, space: Space) -> DemonstrationSet:
@@ -276,7 +251,8 @@ def _best(
 ) -> _Candidate:
     """Return the candidate with the least distance to demonstrations and neighbours, without one of them.
 
-    A candidate must do at least as well on the demonstrations alone as the best unfitted one.
+    A candidate must do at least as well on the demonstrations alone as the best unfitted one. Those that
+    would be late count only if all are: they are near to the way, but not proved at the speed of the motion.
     """
 
     def error(candidate: _Candidate, members: slice = slice(None)) -> float:
@@ -284,8 +260,10 @@ def _best(
         return float(kept[:, members].mean())
 
     alone = slice(0, 1)
-    least = min(error(candidate, alone) for candidate in plain)
-    return min((c for c in (*plain, *fitted) if error(c, alone) <= least), key=error)
+    candidates = [*plain, *fitted]
+    timely = [candidate for candidate in candidates if candidate.late <= LATE] or candidates
+    least = min((error(candidate, alone) for candidate in plain if candidate in timely), default=np.inf)
+    return min((candidate for candidate in timely if error(candidate, alone) <= least), key=error)
 
 
 def _errors(plain: Sequence[_Candidate], fitted: FloatArray) -> TaskErrors:

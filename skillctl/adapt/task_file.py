@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,11 +39,13 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from skillctl.adapt.clauses import (
+    TURN,
     Approach,
     Clause,
     Demonstrations,
     Like,
     NotNegative,
+    Orientation,
     PeriodLimit,
     Positive,
     SpeedLimit,
@@ -54,16 +56,17 @@ from skillctl.adapt.clauses import (
     Vector,
     Via,
 )
-from skillctl.adapt.keep_out import BODIES, Body, box_between
+from skillctl.adapt.keep_out import BODIES, AnyKeepOut, box_between
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.simulation.scenario import CylinderObstacle, MeshObstacle, Scenario
 from skillctl.simulation.scenario_file import read_scenario
 from skillctl.simulation.scene import boxes, cup_middle
-from skillctl.toml_files import complaint, read_toml
+from skillctl.toml_files import complaint, parse_toml, read_toml
 
 HINT = "`skillctl adapt --print-task DEMO` writes one."
+POSE = 7  # numbers of a pose, x,y,z,qx,qy,qz,qw: clauses about places have three
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST_CORNERS = 8  # of a start box with more, only the lowest and the highest are tried
 
@@ -163,7 +166,7 @@ class Task(Table):
     target: Target
     start: Start
     via: tuple[Via, ...] = ()
-    keep_out: tuple[Body, ...] = ()
+    keep_out: tuple[AnyKeepOut, ...] = ()
     stay_in: tuple[StayIn, ...] = ()
     approach: Approach | None = None
     limits: Limits = Limits()
@@ -184,19 +187,21 @@ class Task(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> Task:
         d = len(self.target.position)
+        sizes = {d, 3} if d == POSE else {d}
         for name, clause in self.clauses.items():
             for key in ("point", "low", "direction", "centre", "size", "radii"):
                 numbers = getattr(clause, key, None)
-                if numbers is not None and len(numbers) != min(d, 3 if d > 6 else d):
-                    raise ValueError(
-                        f"{name}.{key}: expected {d} numbers as of the target, got {len(numbers)}."
-                    )
+                if numbers is not None and len(numbers) not in sizes:
+                    raise ValueError(f"{name}.{key}: expected {min(sizes)} numbers, got {len(numbers)}.")
         return self
 
     @property
     def clauses(self) -> dict[str, Clause]:
         """All clauses by their names; a clause without one is called by its key, and counted if need be."""
         entries: list[tuple[str, Clause]] = [("target", self.target)]
+        turn = self.target.tolerance_deg or (TURN if len(self.target.position) == POSE else None)
+        if turn is not None:
+            entries.append(("target.orientation", Orientation(name="target.orientation", most=turn)))
         for key in ("via", "keep_out", "stay_in", "demonstrations", "like"):
             entries += [(key.replace("_", "-"), clause) for clause in getattr(self, key)]
         entries += [("approach", self.approach)] if self.approach else []
@@ -219,8 +224,8 @@ class Task(Table):
 
     @property
     def digest(self) -> str:
-        """Digest of what it says: of the bodies of a scene, and not of the name of its file."""
-        said = self.model_dump_json(by_alias=True, exclude={"scene"}, exclude_defaults=True)
+        """Digest of what it says, remarks aside."""
+        said = self.model_dump_json(by_alias=True, exclude_defaults=True)
         return f"sha256:{hashlib.sha256(said.encode()).hexdigest()}"
 
 
@@ -240,13 +245,19 @@ def read_task(path: Path) -> Task:
 
 
 def with_scene(task: Task, scenario: Scenario) -> Task:
-    """Return the task with the bodies of a scenario, named as there, among its keep-out clauses.
+    """Return the task with the bodies of a scenario, named as there, instead of the name of its file.
 
     Raises:
         UsageError: The scenario has an obstacle that is a mesh.
     """
     values = {name: getattr(task, name) for name in type(task).model_fields}
-    return Task(**{**values, "keep_out": (*task.keep_out, *scene_bodies(scenario))})
+    return Task(**{**values, "scene": None, "keep_out": (*task.keep_out, *scene_bodies(scenario))})
+
+
+def recorded_task(lines: Sequence[str]) -> Task:
+    """Return the task that an adapted skill keeps, without what compares motions with other files."""
+    task = Task(**parse_toml("\n".join(lines).encode()))
+    return task.model_copy(update={"demonstrations": (), "like": ()})
 
 
 def scene_bodies(scenario: Scenario) -> list[dict[str, Any]]:

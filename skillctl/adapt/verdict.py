@@ -3,79 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from skillctl.adapt.clauses import Clause, PeriodLimit, StayIn, Target, TimeLimit
 from skillctl.adapt.judge import Judge
+from skillctl.adapt.keep_out import KeepOutClause
+from skillctl.adapt.report import ClauseVerdict, TaskVerdict
 from skillctl.adapt.task_file import Task
+from skillctl.arrays import FloatArray
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.tally import wilson_interval
 from skillctl.stability.reach import MOST_COORDINATES, Reach, bound_reach
 from skillctl.stability.report import Certificate
 
 FRESH = 200  # starts that a result is judged from, none of which the search has seen
-
-
-@dataclass(frozen=True)
-class ClauseVerdict:
-    """Whether one clause holds.
-
-    Attributes:
-        clause: Its name.
-        unit: Of the margins.
-        margin: The smallest measured one over all starts; negative: it fails.
-        worst_start: The start of that motion.
-        proved: Whether it is proved for every start in the box, and not only measured.
-        bound: The margin that is proved, negative if the bound is too wide to prove the clause; None if
-            nothing can be proved of such a clause.
-    """
-
-    clause: str
-    unit: str
-    margin: float
-    worst_start: tuple[float, ...]
-    proved: bool
-    bound: float | None
-
-    @property
-    def holds(self) -> bool:
-        """Whether it holds on all motions, or is proved."""
-        return self.margin >= 0
-
-
-@dataclass(frozen=True)
-class TaskVerdict:
-    """Whether a skill does a task.
-
-    Attributes:
-        clauses: One verdict each.
-        starts: Number of starts in the box that were drawn to judge it, or of points.
-        held: From how many of them every clause holds.
-        interval: Wilson's interval of that share, of 95 %.
-    """
-
-    clauses: tuple[ClauseVerdict, ...]
-    starts: int
-    held: int
-    interval: tuple[float, float]
-
-    @property
-    def holds(self) -> bool:
-        """Whether every clause holds."""
-        return all(clause.holds for clause in self.clauses)
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """The clauses that fail, with their margins, in sentences."""
-        return tuple(
-            f"{each.clause} fails by {-each.margin:.3g} {each.unit}, from "
-            f"({', '.join(f'{number:.3g}' for number in each.worst_start)})."
-            for each in self.clauses
-            if not each.holds
-        )
 
 
 def judge_task(
@@ -105,7 +49,7 @@ def judge_task(
     """
     drawn = task.start.drawn(FRESH, seed)
     corners = task.start.corners() if task.start.points is None else drawn[:0]
-    judge = Judge.of(task, skill.space, np.concatenate([drawn, corners]), shown, like)
+    judge = Judge.of(task, skill, np.concatenate([drawn, corners]), shown, like)
     margins = judge.trial(skill)
     reach = _reach(task, skill, certificate)
     held = np.ones(len(drawn), dtype=bool)
@@ -136,11 +80,12 @@ def proved_margin(
     """Return the margin of a clause that is proved for every start in the box; None if nothing is proved.
 
     - ``target``: every motion converges to it, so it comes as near as the tolerance, and stays.
-    - ``stay-in``: {V ≤ c} around the start box lies in the box.
+    - ``stay-in``: the box around {V ≤ c}, c the largest V in the start box, lies in the clause's box.
+    - ``keep-out``: that box lies beside the box around the body; nothing is proved if it does not.
     - ``time``: √V falls by e^(−r t); the bound is far above what is measured.
     - ``period``: the certificate's.
     """
-    at_target = bool((skill.attractors == np.array(task.target.position)).all())
+    at_target = bool((retargeted(skill, task.target.position).attractors == skill.attractors).all())
     if isinstance(clause, Target):
         return clause.tolerance if certificate.scope == "global" and at_target else None
     if isinstance(clause, PeriodLimit):
@@ -151,6 +96,9 @@ def proved_margin(
         k = len(clause.low)
         low = min(a - b for a, b in zip(reach.low[:k], clause.low, strict=True))
         return min(low, *(b - a for a, b in zip(reach.high[:k], clause.high, strict=True)))
+    if isinstance(clause, KeepOutClause):
+        beside = _apart(reach, *clause.body("body").bounds) - clause.clearance - task.hand_radius
+        return beside if beside >= 0 else None
     if isinstance(clause, TimeLimit) and at_target and reach.arrival is not None:
         return clause.most - reach.arrival if reach.arrival_distance <= task.target.tolerance else None
     return None
@@ -158,8 +106,15 @@ def proved_margin(
 
 def _reach(task: Task, skill: Skill, certificate: Certificate) -> Reach | None:
     """Return where motions from the start box can go, if a clause asks for it and something is proved."""
-    asked = any(isinstance(clause, StayIn | TimeLimit) for clause in task.clauses.values())
+    asked = any(isinstance(clause, StayIn | KeepOutClause | TimeLimit) for clause in task.clauses.values())
     low, high = task.start.box
     if not asked or len(low) > MOST_COORDINATES:
         return None
-    return bound_reach(skill, certificate, low, high)
+    k = skill.space.positions
+    return bound_reach(skill, certificate, low[:k], high[:k])
+
+
+def _apart(reach: Reach, low: FloatArray, high: FloatArray) -> float:
+    """Return how far the box that motions stay in is from another one, (k,) each; negative if they meet."""
+    k = len(low)
+    return float(np.maximum(low - np.array(reach.high[:k]), np.array(reach.low[:k]) - high).max())

@@ -51,7 +51,7 @@ def combine(
 
 def blocks(report: CombineReport) -> list[render.Block]:
     """Return the report for people."""
-    ends = report.attractors[:1] if report.aligned else report.attractors
+    ends = report.targets[:1] if report.aligned else report.targets
     facts = (
         *words.written(report.written),
         ("gate", report.gate),

@@ -81,9 +81,9 @@ def _numbers(report: DiffReport) -> render.Block:
     columns = {
         "leaf": lambda leaf: leaf.leaf,
         "unmatched": lambda leaf: leaf.unmatched,
-        "attractor": lambda leaf: words.length(leaf.attractor, report.unit),
+        "attractor": lambda leaf: words.apart(leaf.attractor, leaf.attractor_angle, report.unit),
         "priors": lambda leaf: words.number(leaf.priors),
-        "means": lambda leaf: words.length(leaf.means, report.unit),
+        "means": lambda leaf: words.apart(leaf.means, leaf.means_angle, report.unit),
         "covariances": lambda leaf: f"{leaf.covariances:.2%}",
         "matrices": lambda leaf: f"{leaf.system_matrices:.2%}",
         "Lyapunov": lambda leaf: f"{leaf.lyapunov:.2%}",
@@ -99,15 +99,16 @@ def _motion(report: DiffReport) -> list[tuple[str, str]]:
     return [
         ("velocity on demonstrations", _field(behaviour.demonstrations, unit)),
         ("velocity on a grid", _field(behaviour.grid, unit)),
-        ("motions apart", words.length(behaviour.rollouts, unit)),
-        ("attractors apart", words.length(behaviour.attractors, unit)),
+        ("motions apart", words.apart(behaviour.rollouts, behaviour.rollouts_angle, unit)),
+        ("attractors apart", words.apart(behaviour.attractors, behaviour.attractors_angle, unit)),
     ]
 
 
 def _field(difference: FieldDifference | None, unit: str) -> str:
     if difference is None:
         return words.NONE
-    greatest, speed = (words.per_second(value, unit) for value in (difference.greatest, difference.speed))
+    greatest = words.per_second(difference.greatest, unit, difference.greatest_turn)
+    speed = words.per_second(difference.speed, unit, difference.turn)
     return f"{greatest} apart at most, of {speed} ({difference.points} points)"
 
 

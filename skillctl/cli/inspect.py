@@ -18,7 +18,7 @@ from skillctl.options import RESULT, option, read_numbers
 if TYPE_CHECKING:
     from skillctl.evaluate.place import Place, Region
     from skillctl.usecases.history import Ancestor, LineageReport
-    from skillctl.usecases.inspect import InspectReport, Node
+    from skillctl.usecases.inspect import InspectReport, Node, StateMeaning
 
 EXAMPLES = """\b
 Example:
@@ -41,7 +41,7 @@ class Shown:
     )
     at: tuple[float, ...] | None = option(
         read=read_numbers,
-        metavar="X,Y,Z",
+        metavar="X,Y,Z[,QX,QY,QZ,QW]",
         help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
     )
     demos: bool = option(False, help="Show each demonstration, of a skill with many, too.")
@@ -110,21 +110,24 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
         *(() if for_page else (("file", words.near(report.path)),)),
         ("digest", report.digest),
         ("kind", " ".join([report.kind, *_how(report.tree)])),
-        ("space", f"{', '.join(space.names)} in {unit}, frame {space.frame}"),
+        ("space", f"{words.state(space.names, space.units)}, frame {space.frame}"),
+        *([] if space.length is None else [("one radian", f"counts as {words.length(space.length, unit)}")]),
         *words.proof(report.certificate),
         *words.stages(results.get("stages", ())),
         *words.held_out(HeldOut.recorded(results), unit),
         *words.warnings(results.get("warnings", ())),
     )
-    found: list[render.Block] = [render.Facts(facts)]
+    found: list[render.Block] = [render.Facts(facts), *words.recorded_clauses(results)]
     if report.at is not None:
-        found.append(_place(report.at, unit))
+        found.append(_place(report.at, space))
+    turned = {"roll, pitch, yaw": lambda leaf: words.roll_pitch_yaw(leaf.roll_pitch_yaw)}
     leaves = {
         "part": lambda leaf: leaf.part,
         "leaf": lambda leaf: leaf.leaf,
         "components": lambda leaf: leaf.n_components,
         "shears": lambda leaf: leaf.shears or words.NONE,
-        "attractor": lambda leaf: words.point(leaf.attractor.tolist(), unit),
+        "attractor": lambda leaf: words.point(leaf.target, unit),
+        **({} if space.length is None else turned),
         "speed": lambda leaf: f"{leaf.speed:g}",
         "demonstrations": lambda leaf: leaf.demonstrations,
     }
@@ -156,17 +159,18 @@ def _errors(report: InspectReport) -> render.Table:
     return render.table([[one for one in reports if one.leaf == leaf] for leaf in taught], columns)
 
 
-def _place(place: Place, unit: str) -> render.Facts:
+def _place(place: Place, space: StateMeaning) -> render.Facts:
     """Return what the skill does at one place."""
+    unit = space.unit
     acting = "all parts" if len(place.weights) > 1 else "the skill"
     verb, when = ("arrives", "after") if place.arrives else ("has not arrived", "within")
     return render.Facts(
         (
-            ("at", words.point(place.position, unit)),
+            ("at", words.point(place.given, unit)),
             ("acts", acting if place.part is None else f"part {place.part}"),
             ("weights", _listed(place.weights)),
-            ("velocity", f"{words.point(place.velocity)} {unit}/s"),
-            ("motion", f"{verb} {when} {place.time:.3g} s, at {words.point(place.end, unit)}"),
+            ("velocity", words.velocity(place.velocity, space.units)),
+            ("motion", f"{verb} {when} {place.time:.3g} s, at {words.point(place.given_end, unit)}"),
         )
     )
 
@@ -176,7 +180,7 @@ def _regions(regions: Sequence[Region], unit: str) -> render.Table:
     columns = {
         "region": lambda region: region.part,
         "prior": lambda region: f"{region.prior:.3g}",
-        "ends at": lambda region: words.point(region.attractor, unit),
+        "ends at": lambda region: words.point(region.target, unit),
         "left-out starts in it": lambda region: words.percent(region.selected),
         "proved radius": lambda region: words.length(region.radius, unit),
     }

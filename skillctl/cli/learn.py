@@ -95,7 +95,7 @@ def blocks(report: LearnReport) -> list[render.Block]:
     facts = (
         *words.written(report.written),
         ("components", str(report.n_components)),
-        ("attractor", words.point(report.attractor, report.unit)),
+        ("attractor", words.point(report.target, report.unit)),
         *words.proof(report.certificate),
         *words.stages(report.stages),
         *words.held_out(report.held_out, report.unit),

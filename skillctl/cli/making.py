@@ -1,4 +1,4 @@
-"""What ``learn``, ``merge`` and ``combine`` have in common."""
+"""What ``learn``, ``merge``, ``combine`` and ``adapt`` have in common."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def make(
         making: Where the skill goes, and when it is made again.
         call: Makes it, given the keywords that all use-cases that make skills take.
         blocks: Describes the report on a skill that was made.
-        made_from: Files that a depfile names, by the report.
+        made_from: Files that a depfile names, by the report; not asked if nothing was written.
 
     Raises:
         UsageError: A build tool's options without a file; and whatever the use-case raises.
@@ -40,12 +40,20 @@ def make(
     with output.progress(label) as progress:
         report = call(output=file, progress=progress, **asked)
     written = report.written
-    finish_target(file, made_from(report), created=written.created, depfile=depfile, if_changed=if_changed)
+    if written is not None:
+        created = written.created
+        finish_target(file, made_from(report), created=created, depfile=depfile, if_changed=if_changed)
     words.explain(output, report.notes, report.reasons if making.explain else ())
     for sentence in report.warnings:
         output.warning(sentence)
-    current = f"{written.skill} is up to date: the same inputs and options gave it. --force makes it again."
-    output.result(report, lambda: [current] if report.status == "up to date" else blocks(report))
+
+    def described() -> Sequence[render.Block]:
+        if report.status != "up to date":
+            return blocks(report)
+        name = report.written.skill
+        return [f"{name} is up to date: the same inputs and options gave it. --force makes it again."]
+
+    output.result(report, described)
     return report
 
 

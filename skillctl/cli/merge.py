@@ -97,7 +97,7 @@ def blocks(report: MergeReport) -> list[render.Block]:
         ("gate", words.gate(report.gate, report.parameters)),
         ("speed", f"{report.speed:.4g}"),
         *fitted,
-        ("attractor", words.point(report.attractor, report.unit)),
+        ("attractor", words.point(report.target, report.unit)),
         ("Lyapunov matrix", ORIGINS[report.lyapunov]),
         *words.proof(report.certificate),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -15,6 +15,8 @@ from skillctl.cli.errors import describe
 from skillctl.errors import UsageError, printable
 
 if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
     from skillctl.usecases.verify_stability import SkillVerdict, VerifyReport
 
 NAME = "skillctl verify-stability"
@@ -69,25 +71,45 @@ def github(report: VerifyReport) -> str:
 
 
 def junit(report: VerifyReport) -> str:
-    """Return one test case per skill: failed if not proved or open, in error if it cannot be read."""
+    """Return one test case per skill: failed if not proved or open, in error if it cannot be read.
+
+    Of a task every clause is a case of its own, with its margin.
+    """
     from xml.etree import ElementTree
 
-    outcomes = [verdict.outcome for verdict in report.skills]
-    errors = outcomes.count("unreadable")
-    failures = len(outcomes) - errors - outcomes.count("proved")
-    counts = {"tests": str(len(outcomes)), "failures": str(failures), "errors": str(errors)}
+    cases = [case for verdict in report.skills for case in _cases(verdict)]
+    kinds = [None if child is None else child.tag for child in (case.find("./*") for case in cases)]
+    errors, failures = kinds.count("error"), kinds.count("failure")
+    counts = {"tests": str(len(cases)), "failures": str(failures), "errors": str(errors)}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": NAME, **counts, "skipped": "0", "time": "0"})
-    for verdict in report.skills:
-        names = {"classname": NAME.replace(" ", "."), "name": printable(verdict.skill), "time": "0"}
-        case = ElementTree.SubElement(suite, "testcase", names)
-        if verdict.outcome != "proved":
-            kind = "error" if verdict.outcome == "unreadable" else "failure"
-            text = printable(reason(verdict))
-            ElementTree.SubElement(case, kind, {"type": verdict.outcome, "message": text}).text = text
-        ElementTree.SubElement(case, "system-out").text = "\n".join([identity(verdict), *_proof(verdict)])
+    suite.extend(cases)
     ElementTree.indent(root)
     return f"<?xml version='1.0' encoding='utf-8'?>\n{ElementTree.tostring(root, encoding='unicode')}\n"
+
+
+def _cases(verdict: SkillVerdict) -> Iterator[Element]:
+    """Yield the test case of a skill, and those of the clauses of its task."""
+    said = "\n".join([identity(verdict), *_proof(verdict)])
+    kind = {"proved": None, "unreadable": "error"}.get(verdict.outcome, "failure")
+    yield _case(verdict.skill, said, kind, verdict.outcome, reason(verdict))
+    for clause in verdict.task.clauses if verdict.task else ():
+        proved = words.proved_margin(clause.bound, clause.unit)
+        said = f"margin {words.margin(clause.margin, clause.unit)}, proved: {proved}"
+        failed = None if clause.holds else "failure"
+        yield _case(f"{verdict.skill}: {clause.clause}", said, failed, "clause", said)
+
+
+def _case(name: str, said: str, kind: str | None, fault: str, why: str) -> Element:
+    from xml.etree import ElementTree
+
+    names = {"classname": NAME.replace(" ", "."), "name": printable(name), "time": "0"}
+    case = ElementTree.Element("testcase", names)
+    if kind is not None:
+        text = printable(why)
+        ElementTree.SubElement(case, kind, {"type": fault, "message": text}).text = text
+    ElementTree.SubElement(case, "system-out").text = said
+    return case
 
 
 def sarif(report: VerifyReport) -> str:

@@ -25,6 +25,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "learn": ("skillctl.usecases.learn:LearnReport", "skillctl.usecases.learn_many:LearnManyReport"),
     "merge": ("skillctl.usecases.merge:MergeReport",),
     "combine": ("skillctl.usecases.combine:CombineReport",),
+    "adapt": ("skillctl.usecases.adapt:AdaptReport",),
     "inspect": ("skillctl.usecases.inspect:InspectReport", "skillctl.usecases.history:LineageReport"),
     "verify-stability": ("skillctl.usecases.verify_stability:VerifyReport",),
     "simulate": (

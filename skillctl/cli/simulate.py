@@ -43,6 +43,11 @@ class Watching:
     demo: int | None = option(
         metavar="N", group=MOTION, help="Start where demonstration N of the skill starts, from 0."
     )
+    task: Path | None = option(
+        metavar="T.toml",
+        group=RESULT,
+        help="The motion has to fulfil every clause of this task, too; see `skillctl adapt`.",
+    )
     gui: bool = option(False, group=RESULT, help="Show the motion in a window, in real time.")
     log: Path | None = option(metavar="F.csv|F.h5", group=RESULT, help="Write the time series.")
     picture: Path | None = option(metavar="F.png", group=RESULT, help="Write a contact sheet.")
@@ -196,6 +201,7 @@ def _run_one(
             picture=watching.picture,
             video=watching.video,
             gui=watching.gui,
+            task=watching.task,
             store=place.store,
             lock=place.lock,
             progress=progress,
@@ -232,7 +238,8 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     ]
     files = (("log", report.log), ("picture", report.picture), ("video", report.video))
     facts += [(name, str(path)) for name, path in files if path]
-    return [render.Facts(tuple(facts))]
+    clauses = [words.clauses(report.task, report.skill)] if report.task else []
+    return [render.Facts(tuple(facts)), *clauses]
 
 
 def _length(value: float, unit: str) -> str:

@@ -54,6 +54,16 @@ class Reporting:
         group=REPORTS,
         help="Write a report; give it again for more. It is written whatever is wrong with a skill.",
     )
+    scene: Path | None = option(
+        metavar="F.toml",
+        group=REPORTS,
+        help="Say which bodies of a scenario file the hand is proved clear of, at its target there.",
+    )
+    task: Path | None = option(
+        metavar="T.toml",
+        group=REQUIRED,
+        help="Every clause of this task has to hold of motions from its start box; see `adapt`.",
+    )
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=REPORTS, help="Draw where and how fast V shrinks."
     )
@@ -94,7 +104,14 @@ def verify_stability(
     workers = work.workers()
     with output.progress("proving") if len(skills) > 1 else nullcontext() as progress:
         verified = verify_skills(
-            skills, store=place.store, lock=place.lock, required=required, workers=workers, progress=progress
+            skills,
+            store=place.store,
+            lock=place.lock,
+            required=required,
+            scene=reporting.scene,
+            task=reporting.task,
+            workers=workers,
+            progress=progress,
         )
     reports.write_reports(verified, reporting.report)
     if plot is not None:
@@ -134,7 +151,22 @@ def blocks(report: VerifyReport) -> list[render.Block]:
         if verdict.reach is not None
         for block in _bounds(verdict.skill, verdict.reach, report.required)
     ]
-    return [render.Table(tuple(headings), tuple(map(tuple, rows))), *bounds, *_explanations(report)]
+    scenes = [block for verdict in report.skills for block in _among(verdict)]
+    tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
+    table = render.Table(tuple(headings), tuple(map(tuple, rows)))
+    return [table, *bounds, *scenes, *tasks, *_explanations(report)]
+
+
+def _among(verdict: SkillVerdict) -> list[render.Block]:
+    """Return what the hand is proved clear of, if a scene was given."""
+    found = verdict.clearance
+    if found is None:
+        return []
+    facts = (
+        ("the hand is proved clear of", ", ".join(found.clear) or "nothing"),
+        ("it may meet", ", ".join(found.may_meet) or "nothing else that the scene names"),
+    )
+    return [render.Facts(facts), render.Lines(f"{verdict.skill} in this scene", found.proof)]
 
 
 def _bounds(name: str, reach: Reach, required: Requirements) -> tuple[render.Block, ...]:
@@ -177,7 +209,8 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
         return [[verdict.skill, "unreadable", *["–"] * 7]]
     counts = [len(part.components) for part in certificate.parts]
     figures = words.rate_and_period(certificate.rate, certificate.period)
-    said = certificate.verdict, verdict.outcome, certificate.scope
+    scope = f"{certificate.scope}{', all weights' if certificate.all_weights else ''}"
+    said = certificate.verdict, verdict.outcome, scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
     for part, count in zip(certificate.parts, counts, strict=True):
         if len(counts) > 1:
@@ -206,6 +239,5 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than usual."""
-    return replace(report.required, start_box=None, stay_in=None) != Requirements() or bool(
-        report.required.stay_in
-    )
+    usual = replace(report.required, start_box=None, stay_in=None) == Requirements()
+    return not usual or bool(report.required.stay_in) or any(each.task for each in report.skills)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from skillctl.cli.render import Table, table
 from skillctl.simulation.arms import ARMS
 
 if TYPE_CHECKING:
+    from skillctl.adapt.report import TaskVerdict
     from skillctl.adapt.together import Refit
     from skillctl.cli.output import Output
     from skillctl.evaluate.errors import HeldOut
@@ -36,6 +38,28 @@ def length(value: float | None, unit: str) -> str:
     return f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.4f} {unit}"
 
 
+def angle(value: float | None) -> str:
+    """Return an angle [rad] for people, in degrees; a dash if there is none."""
+    return NONE if value is None or not math.isfinite(value) else f"{math.degrees(value):.2f}°"
+
+
+def apart(distance: float | None, turned: float | None, unit: str) -> str:
+    """Return a distance for people, and an angle [rad] beside it if there is one."""
+    text = length(distance, unit)
+    return text if turned is None else f"{text}, {angle(turned)}"
+
+
+def roll_pitch_yaw(angles: Sequence[float] | None) -> str:
+    """Return an orientation for people: degrees about the fixed axes x, then y, then z; a dash if none."""
+    return NONE if angles is None else ", ".join(f"{math.degrees(each) + 0.0:.4g}°" for each in angles)
+
+
+def state(names: Sequence[str], units: Sequence[str]) -> str:
+    """Return the coordinates of a state, those of one unit together."""
+    pairs = groupby(zip(names, units, strict=True), key=lambda pair: pair[1])
+    return "; ".join(f"{', '.join(name for name, _ in group)} in {unit}" for unit, group in pairs)
+
+
 def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     """Return a number with a few significant digits; a dash if there is none."""
     if value is None or not math.isfinite(value):
@@ -51,6 +75,12 @@ def percent(share: float | None) -> str:
 def point(values: Sequence[float], unit: str = "") -> str:
     """Return coordinates as they are typed on the command line."""
     return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
+
+
+def velocity(values: Sequence[float], units: Sequence[str]) -> str:
+    """Return a velocity, coordinates of one unit together."""
+    pairs = groupby(zip(values, units, strict=True), key=lambda pair: pair[1])
+    return "; ".join(f"{point([value for value, _ in group])} {unit}/s" for unit, group in pairs)
 
 
 def near(path: Path) -> str:
@@ -90,6 +120,8 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
         facts.append(("decay rate", f"at least {rate}"))
     if period != NONE:
         facts.append(("controller period", f"up to {period} ({frequency} or faster)"))
+    if certificate.all_weights:
+        facts.append(("weights", "proved for all"))
     return tuple(facts)
 
 
@@ -107,6 +139,41 @@ def rate_and_period(rate: float | None, period: float | None) -> tuple[str, str,
         NONE if period is None else f"{at_least(period)} s",
         NONE if period is None else f"{least_frequency(period)} Hz",
     )
+
+
+def margin(value: float | None, unit: str) -> str:
+    """Return a margin of a clause with its sign; lengths in millimetres."""
+    if value is None:
+        return NONE
+    scaled, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    return f"{scaled:+.3g} {unit}"
+
+
+def proved_margin(bound: float | None, unit: str) -> str:
+    """Return whether a clause is proved, with the margin that is; a dash if it can only be measured."""
+    return NONE if bound is None else f"{yes_no(bound >= 0)}, {margin(bound, unit)}"
+
+
+def clauses(verdict: TaskVerdict, skill: str) -> Table:
+    """Return a table of how a skill does a task, clause by clause."""
+    columns = {
+        f"{skill}: clause": lambda row: row.clause,
+        "margin": lambda row: margin(row.margin, row.unit),
+        "proved": lambda row: proved_margin(row.bound, row.unit),
+    }
+    return table(verdict.clauses, columns)
+
+
+def recorded_clauses(results: Mapping[str, Any]) -> list[Table]:
+    """Return a table of the clauses of the task that a skill was adapted to, if it was."""
+    keys = ("clauses", "margins", "bounds", "units")
+    columns = {
+        "clause of its task": lambda row: row[0],
+        "margin": lambda row: margin(row[1], row[3]),
+        "proved": lambda row: proved_margin(row[2], row[3]),
+    }
+    rows = list(zip(*(results.get(key, ()) for key in keys), strict=True))
+    return [table(rows, columns)] if rows else []
 
 
 def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
@@ -189,7 +256,8 @@ def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_le
     return table(reports, columns)
 
 
-def per_second(value: float | None, unit: str) -> str:
-    """Return a speed for people."""
+def per_second(value: float | None, unit: str, turning: float | None = None) -> str:
+    """Return a speed for people, and beside it how fast something turns, [rad/s], if it does."""
     text = length(value, unit)
-    return text if text == NONE else f"{text}/s"
+    moving = text if text == NONE else f"{text}/s"
+    return moving if turning is None else f"{moving} and {angle(turning)}/s"

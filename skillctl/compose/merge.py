@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
@@ -82,6 +84,31 @@ def merge(
         raise UsageError(f"speed: must be a positive number, got {speed:g}.")
     placed = on_one_attractor(members, weights, target, turn=turn)  # what turns has another P
     return MergedSkill(common_members(placed, lyapunov), weights, gate, speed, chosen)
+
+
+def with_weights(skill: MergedSkill, weights: npt.ArrayLike) -> MergedSkill:
+    """Return a merged skill with other weights of its parts, at the same speed.
+
+    Whatever they are, h̃ ≥ 0 sums to one over components that all contract under the one P: the proof of a
+    merged skill is one for the whole simplex of weights, and so are its rate and its period. So weights may
+    be chosen at run time, for each target anew.
+
+    Args:
+        skill: A merged skill.
+        weights: αᵢ ≥ 0 up to a common factor, one per part; parts of weight zero are left out.
+
+    Raises:
+        UsageError: Wrong number, not finite, negative, or all zero.
+    """
+    values = np.array(weights, dtype=np.float64)
+    used = np.flatnonzero(values)
+    if values.shape != (len(skill.parts),) or not used.size:
+        raise UsageError(
+            f"weights: expected {len(skill.parts)} numbers, not all zero, got {np.size(values)}.",
+            hint="Give one per part of the merged skill.",
+        )
+    kept = tuple(skill.parts[i] for i in used.tolist())
+    return replace(skill, parts=kept, part_weights=normalised("weights", values[used], used.size))
 
 
 def common_members(parts: Sequence[Skill], lyapunov: FloatArray | None) -> tuple[ActingSkill, ...]:

@@ -52,7 +52,7 @@ class MergeOptions:
     Attributes:
         part_weights: Influence of each part; None: equal.
         gate: How the parts act together: the name of one of ``skillctl.model.gates.MERGE_GATES``.
-        speed: Factor on the velocity.
+        speed: Factor on the velocities of the parts; None: as fast as the parts were demonstrated.
         target: Where all end, in the unit of the skill; None: at the weighted mean of their targets. Of poses
             with a quaternion (x, y, z, w) behind the position, or else in the mean orientation.
         turn: Motions of poses turn with their target.
@@ -70,7 +70,12 @@ class MergeOptions:
     parameters: Mapping[str, float] = field(
         default_factory=dict, metadata={Option: Option(named=GATE_PARAMETERS, group=MOTION)}
     )
-    speed: float = option(1.0, metavar="F", group=MOTION, help="Factor on the velocity.")
+    speed: float | None = option(
+        metavar="F",
+        group=MOTION,
+        help="Factor on the velocities of the skills. Default: one with which motions take as long as those "
+        "that were demonstrated.",
+    )
     target: tuple[float, ...] | None = _target()
     turn: bool = _turn()
 
@@ -88,7 +93,7 @@ class MergeOptions:
             parts,
             part_weights=self.part_weights,
             gate=self.gate,
-            speed=self.speed,
+            speed=1.0 if self.speed is None else self.speed,
             target=self.target,
             turn=self.turn,
             lyapunov=lyapunov,

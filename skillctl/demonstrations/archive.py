@@ -6,6 +6,7 @@ import io
 import zipfile
 from dataclasses import replace
 from itertools import permutations
+from math import prod
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,7 +17,7 @@ from skillctl.arrays import FloatArray
 from skillctl.demonstrations.clock import unit_of
 from skillctl.demonstrations.columns import Column
 from skillctl.demonstrations.files import MAX_BYTES, File, damaged
-from skillctl.demonstrations.orientation import HOMOGENEOUS, split_off
+from skillctl.demonstrations.orientation import CONVENTIONS, HOMOGENEOUS, split_off
 from skillctl.demonstrations.recording import Recording, is_even, listed, uniform_times
 from skillctl.errors import InputDataError, UsageError, printable
 from skillctl.model.space import AXIS_NAMES
@@ -47,6 +48,9 @@ def read(file: File) -> list[Recording]:
     - one array (T, d) or (D, T, d) of any name, or several whose names end in a number (``demo_3``): one
       demonstration each, in their order; optional ``<name>_times`` (T,). An NPY file is one array. Arrays
       that are velocities, orientations, forces or grippers by their names are left aside.
+
+    An orientation is read if the user says its convention: in the columns behind the first three, or in an
+    array with such a name.
 
     Without ``times``, an array with the name of a time is one, ``t`` or ``stamp_ns``, if its size fits.
 
@@ -121,6 +125,10 @@ def _recordings(
         or (velocities is not None and velocities.shape != positions.shape)
     ):
         raise _unknown_layout(arrays, path)
+    if turned := _orientation(arrays, positions.shape, file):
+        turn = _numbers(arrays, turned, path).reshape(*positions.shape[:-1], -1)
+        positions = np.concatenate([positions, turn], axis=-1)
+        velocities = None if velocities is None else np.concatenate([velocities, 0 * turn], axis=-1)
     clock = keys[2] if keys[2] in arrays else _clock(arrays, positions.shape)
     times = None if clock is None else _numbers(arrays, clock, path)
     samples = None if times is None else times.shape[-1:]
@@ -146,11 +154,23 @@ def _recordings(
                 times=None if times is None else np.broadcast_to(times, shape[:2])[i],
                 velocities=None if velocities is None else velocities.transpose(order).reshape(shape)[i],
                 part=", ".join(filter(None, (inner, outer))),
-                unused=tuple(name for name in unused if name != clock),
+                unused=tuple(name for name in unused if name not in (clock, turned)),
                 notes=notes,
             )
         )
     return _without_clock_and_quaternion(recordings, file)
+
+
+def _orientation(arrays: Arrays, shape: tuple[int, ...], file: File) -> str:
+    """Return the name of the one array that is the orientation of positions of this shape, if the user asks.
+
+    It is empty if there is none, or several.
+    """
+    if file.orientation is None or shape[-1] != len(AXIS_NAMES):
+        return ""
+    size = prod(shape[:-1]) * CONVENTIONS[file.orientation].width
+    turns = [name for name in arrays if Column(name).role.name == "orientation" and arrays[name].size == size]
+    return turns[0] if len(turns) == 1 else ""
 
 
 def _flat(values: FloatArray, file: File) -> FloatArray:

@@ -53,8 +53,8 @@ ROLES = (  # the first that fits
     ),
     Role(
         "velocity",
-        "vel velocity velocities linvel angvel speed speeds twist acc accel acceleration jerk omega qd qdot dq gyro imu "
-        "dot xdot ydot zdot",
+        "vel velocity velocities linvel angvel speed speeds twist acc accel acceleration jerk omega qd qdot "
+        "dq gyro imu dot xdot ydot zdot",
         "(.* )?(v|w|a|d|dt)[xyz]|(.* )?v( .*)? [xyz]",
     ),
     Role(
@@ -74,8 +74,8 @@ ROLES = (  # the first that fits
     ),
     Role(
         "orientation",
-        "quat quaternion orientation orient ori rotation rot euler rpy roll pitch yaw rotvec heading theta "
-        "phi psi ang angle angles",
+        "quat quats quaternion quaternions orientation orientations orient ori rotation rotations rot euler "
+        "rpy roll pitch yaw rotvec heading theta phi psi ang angle angles",
         "(.* )?[qro][xyzw]|(.* )?q( .*)? [wxyz]",
     ),
     Role(

@@ -5,11 +5,14 @@ Metres, base frame of the arm: x forwards, y to the left, z up. The shelf has a 
 place while still in front of the boards, and then straight in along x. How the hand moves sideways and how
 it moves upwards do not depend on each other, so a reach to the top left has, relative to its target, the
 sideways motion of one to the bottom left and the upward motion of one to the top centre.
+
+If orientations are asked for, people turn the hand on the way, from straight ahead to the direction in which
+the cup stands from the shoulder, which is the arm's base. They move straight in in that direction, too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +22,9 @@ from skillctl.demonstrations.writing import DECIMALS
 from skillctl.errors import UsageError
 from skillctl.geometry import arc_lengths
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.pose import Pose
 from skillctl.model.space import Euclidean
+from skillctl.rotations import product, quaternions, vectors
 
 SIDES = {"left": 0.28, "centre": 0.0, "right": -0.28}  # y of the cup [m]
 HEIGHTS = {"bottom": 0.48, "top": 0.76}  # z of the cup's middle [m]
@@ -34,6 +39,8 @@ LOW_STARTS: Box = ((0.385, 0.44), (-0.12, 0.12), (0.10, 0.20))  # a hand resting
 DURATION = (2.4, 3.8)  # [s]
 RATE = 100  # samples per second
 LARGEST_MANNER = 0.15  # [m]: as far as the straight entry is tested
+PITCH = 0.25  # [rad]: how far the hand points down at the cup
+LEVEL = np.array([1.0, 0.0, 1.0, 0.0]) / np.sqrt(2)  # q_xyzw of a hand that points to +x, fingers level
 PATH_POINTS = 2001  # of the path before timing: chords of 0.3 mm, 1000 times shorter than its bends
 
 
@@ -57,6 +64,7 @@ def reaching_demonstrations(
     starts: Box = STARTS,
     variability: float = 1.0,
     manner: float = 0.0,
+    turned: bool = False,
 ) -> DemonstrationSet:
     """Return ``count`` reaches to a place, each ending at the cup after at least 10 cm of straight motion.
 
@@ -72,6 +80,7 @@ def reaching_demonstrations(
         variability: How much the ways of reaching differ, from 0, alike except for start and duration, to 1.
         manner: How far the hand swings out on its way to either side, and is lifted on its way to the top,
             [m]; with 0 all places are reached in the same way.
+        turned: Whether the demonstrations are poses of a hand that is turned towards the side.
 
     Raises:
         UsageError: There is no such place, or a number is outside its range.
@@ -89,7 +98,21 @@ def reaching_demonstrations(
     swing = _swing(place, manner)
     # Uniform doubles straight from the bits: distributions may change between NumPy versions, these do not.
     streams = [np.random.Generator(np.random.PCG64([seed, PLACES.index(place), i])) for i in range(count)]
-    reaches = (_reach(_Style.drawn(stream, starts, variability), target, swing) for stream in streams)
+    styles = [_Style.drawn(stream, starts, variability) for stream in streams]
+    if turned:
+        towards = float(np.arctan2(target[1], target[0]))
+        manners = [_Turning.drawn(stream, variability) for stream in streams]
+        pairs = zip(styles, manners, strict=True)
+        motions = [_turned_reach(style, manner, target, swing, towards) for style, manner in pairs]
+        space = Pose()
+        return DemonstrationSet(
+            tuple(
+                Demonstration.from_positions(times, poses, f"{place} {index}", space)
+                for index, (times, poses) in enumerate(motions, start=1)
+            ),
+            space,
+        )
+    reaches = (_reach(style, target, swing) for style in styles)
     demonstrations = (
         Demonstration.from_positions(times, positions, f"{place} {index}")
         for index, (times, positions) in enumerate(reaches, start=1)
@@ -133,6 +156,51 @@ class _Style:
             # People draw the hand back a little before they lift it past an edge.
             sway=np.array([[varied(low, low + 0.04), varied(-0.02, 0.02)] for low in (-0.03, -0.02, -0.01)]),
         )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Turning:
+    """How the turning of one hand differs from the next.
+
+    Attributes:
+        start: Yaw, pitch and roll before the reach, shape (3,), [rad].
+        end: Share of the path after which the hand is turned; before it moves straight in.
+    """
+
+    start: FloatArray
+    end: float
+
+    @classmethod
+    def drawn(cls, stream: np.random.Generator, variability: float) -> _Turning:
+        spread = variability * (2 * stream.random(3) - 1) * [0.10, 0.05, 0.05]
+        level = np.array([0.0, PITCH, 0.0])
+        return cls(level + spread, 0.62 + 0.1 * variability * (2 * stream.random() - 1))
+
+    def along(self, share: FloatArray, towards: float) -> FloatArray:
+        """Return the rotation vectors (T, 3) of a hand on its way, at shares (T,) of the path.
+
+        The hand's z axis is the direction of approach, and its y axis is that of the fingers.
+        """
+        end = np.array([towards, PITCH, 0.0])
+        angles = self.start + _minimum_jerk(share / self.end)[:, None] * (end - self.start)
+        yaw, pitch, roll = (
+            quaternions(angle[:, None] * np.eye(3)[axis])
+            for angle, axis in zip(angles.T, (2, 1, 2), strict=True)
+        )
+        return vectors(product(product(product(yaw, pitch), LEVEL), roll))
+
+
+def _turned_reach(
+    style: _Style, manner: _Turning, target: FloatArray, swing: FloatArray, towards: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return times (T,) and poses (T, 6) of one reach that ends in a direction, an angle [rad] from ahead."""
+    shear = np.eye(3)
+    shear[1, 0] = np.tan(towards)  # ahead becomes towards the cup; forwards and upwards stay
+    start, end = np.linalg.solve(shear, np.stack([style.start, target]).T).T
+    times, positions = _reach(replace(style, start=start), end, swing)
+    share = arc_lengths(positions)
+    turns = manner.along(share / share[-1], towards)
+    return times, np.concatenate([np.round(positions @ shear.T, DECIMALS), turns], axis=1)
 
 
 def _swing(place: str, manner: float) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,8 @@ MARGIN = 0.1  # the grid reaches beyond all demonstrations by this share of thei
 class LeafDifference:
     """How far apart the numbers of two leaves are, components matched by means and covariances.
 
+    Angles are between orientations, [rad], and None where there are none.
+
     Attributes:
         leaf: Counted from 1, from left to right.
         matched: Component of b for each component of a, counted from 1; None for one without a partner.
@@ -34,6 +37,8 @@ class LeafDifference:
         means: Largest distance over matched components, [unit].
         covariances, system_matrices, lyapunov: Largest relative difference ‖a − b‖ / ‖a‖ (Frobenius).
         coordinates: Whether both have the same ones.
+        attractor_angle: Angle between the attractors.
+        means_angle: Largest over matched components.
     """
 
     leaf: int
@@ -46,6 +51,8 @@ class LeafDifference:
     system_matrices: float
     lyapunov: float
     coordinates: bool
+    attractor_angle: float | None
+    means_angle: float | None
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,9 @@ class FieldDifference:
         points: How many.
         greatest, rms: Of ‖f_a − f_b‖, [unit/s].
         speed: Greatest ‖f_a‖ there, for comparison, [unit/s].
-        within: Whether ‖f_a − f_b‖ ≤ atol + rtol ‖f_a‖ at every point.
+        within: Whether ‖f_a − f_b‖ ≤ atol + rtol ‖f_a‖ at every point, and likewise of turning.
+        greatest_turn, rms_turn, turn: As ``greatest``, ``rms`` and ``speed``, of turning, [rad/s];
+            None if they do not.
     """
 
     points: int
@@ -64,6 +73,9 @@ class FieldDifference:
     rms: float
     speed: float
     within: bool
+    greatest_turn: float | None = None
+    rms_turn: float | None = None
+    turn: float | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +88,7 @@ class Behaviour:
         rollouts: Greatest distance of motions from the same starts, at the same time, [unit].
         attractors: Greatest distance of attractors, [unit]; None if their numbers differ.
         same: Whether all of it lies within the tolerances.
+        rollouts_angle, attractors_angle: Greatest angles likewise, [rad]; None without orientation.
     """
 
     demonstrations: FieldDifference | None
@@ -83,6 +96,8 @@ class Behaviour:
     rollouts: float | None
     attractors: float | None
     same: bool
+    rollouts_angle: float | None = None
+    attractors_angle: float | None = None
 
 
 def leaf_differences(a: Skill, b: Skill) -> tuple[LeafDifference, ...] | None:
@@ -99,18 +114,28 @@ def _leaf_difference(number: int, a: SedsSkill, b: SedsSkill) -> LeafDifference:
     pairs = matched_components(a, b)
     rows_a, rows_b = [i for i, _ in pairs], [j for _, j in pairs]
     partner = dict(pairs)
+    attractor, attractor_angle = _greatest(*a.space.apart(a.attractor[None], b.attractor[None]))
+    states = a.uncharted(a.means[rows_a]), b.uncharted(b.means[rows_b])
+    means, means_angle = _greatest(*a.space.apart(*states))
     return LeafDifference(
         leaf=number,
         matched=tuple(partner[i] + 1 if i in partner else None for i in range(a.n_components)),
         unmatched=a.n_components + b.n_components - 2 * len(pairs),
-        attractor=float(np.linalg.norm(a.attractor - b.attractor)),
+        attractor=attractor,
         priors=float(np.abs(a.priors[rows_a] - b.priors[rows_b]).max()),
-        means=float(np.linalg.norm(a.means[rows_a] - b.means[rows_b], axis=1).max()),
+        means=means,
         covariances=_relative(a.covariances[rows_a], b.covariances[rows_b]),
         system_matrices=_relative(a.component_matrices[rows_a], b.component_matrices[rows_b]),
         lyapunov=_relative(a.lyapunov[None], b.lyapunov[None]),
         coordinates=a.coordinates == b.coordinates,
+        attractor_angle=attractor_angle,
+        means_angle=means_angle,
     )
+
+
+def _greatest(distances: FloatArray, angles: FloatArray | None) -> tuple[float, float | None]:
+    """Return the largest distance, and the largest angle if there are angles."""
+    return float(distances.max()), None if angles is None else float(angles.max())
 
 
 def matched_components(a: SedsSkill, b: SedsSkill) -> list[tuple[int, int]]:
@@ -151,21 +176,27 @@ def compare_behaviour(
     if a.space != b.space:
         return Behaviour(None, None, None, None, same=False)
     goals = (a.attractors, b.attractors)
-    means = [leaf.density.means for leaf in a.leaves]
+    means = [leaf.uncharted(leaf.density.means) for leaf in a.leaves]
     points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, *means])
+    rollouts: tuple[float | None, float | None] = (None, None)
     with np.errstate(all="ignore"):  # an unstable skill's motions may leave float64: then they differ
-        grid = _field(a, b, _grid(points), atol, rtol)
+        first = a.acting_parts[0]  # a grid over the chart, where no two numbers are one orientation
+        places = first.uncharted(_grid(first.charted(points)))
+        grid = _field(a, b, places, atol, rtol)
         along = _field(a, b, points, atol, rtol) if taught else None
-        distance = _rollout_distance(a, b, taught) if taught else None
-    apart = float(a.space.distance(*goals).max()) if len(goals[0]) == len(goals[1]) else None
-    near = atol + rtol * float(np.ptp(points, axis=0).max())
+        if taught:
+            rollouts = _rollout_distance(a, b, taught)
+    apart = _greatest(*a.space.apart(*goals)) if len(goals[0]) == len(goals[1]) else (None, None)
+    n = a.space.positions
+    near = atol + rtol * float(np.ptp(points[:, :n], axis=0).max()), atol + rtol * np.pi
     same = (
         grid.within
         and (along is None or along.within)
-        and (distance is None or distance <= near)
-        and (apart is not None and apart <= near)
+        and all(x is None or x <= most for x, most in zip(rollouts, near, strict=True))
+        and apart[0] is not None
+        and all(x is None or x <= most for x, most in zip(apart, near, strict=True))
     )
-    return Behaviour(along, grid, distance, apart, same=same)
+    return Behaviour(along, grid, rollouts[0], apart[0], same, rollouts[1], apart[1])
 
 
 def _grid(points: FloatArray) -> FloatArray:
@@ -182,19 +213,24 @@ def _grid(points: FloatArray) -> FloatArray:
 
 def _field(a: Skill, b: Skill, points: FloatArray, atol: float, rtol: float) -> FieldDifference:
     velocities = a.velocity(points)
-    apart = np.linalg.norm(velocities - b.velocity(points), axis=1)
-    speeds = np.linalg.norm(velocities, axis=1)
-    return FieldDifference(
-        points=len(points),
-        greatest=float(apart.max()),
-        rms=float(np.sqrt(np.mean(apart**2))),
-        speed=float(speeds.max()),
-        within=bool((apart <= atol + rtol * speeds).all()),
-    )
+    apart = a.space.magnitudes(velocities - b.velocity(points))
+    speeds = a.space.magnitudes(velocities)
+    moves, turns = zip(apart, speeds, strict=True)
+    within = [
+        bool((x <= atol + rtol * y).all()) for x, y in (moves, turns) if x is not None and y is not None
+    ]
+    return FieldDifference(len(points), *_figures(*moves), all(within), *_figures(*turns))
 
 
-def _rollout_distance(a: Skill, b: Skill, taught: Sequence[Demonstration]) -> float:
-    """Return the greatest distance of motions from the demonstrations' starts, at the same time."""
+def _figures(apart: FloatArray | None, speeds: FloatArray | None) -> tuple[Any, Any, Any]:
+    """Return the greatest and root mean square of differences, and the greatest speed; None without them."""
+    if apart is None or speeds is None:
+        return None, None, None
+    return float(apart.max()), float(np.sqrt(np.mean(apart**2))), float(speeds.max())
+
+
+def _rollout_distance(a: Skill, b: Skill, taught: Sequence[Demonstration]) -> tuple[float, float | None]:
+    """Return the greatest distance and angle of motions from the demonstrations' starts, at the same time."""
     starts = np.stack([motion.positions[0] for motion in taught])
     longest = max(motion.duration for motion in taught)
     paths = [
@@ -207,7 +243,7 @@ def _rollout_distance(a: Skill, b: Skill, taught: Sequence[Demonstration]) -> fl
         np.concatenate([path, np.repeat(path[:, -1:], length - path.shape[1], axis=1)], axis=1)
         for path in paths
     )
-    return float(a.space.distance(first, second).max())
+    return _greatest(*a.space.apart(first, second))
 
 
 def proofs_agree(a: Certificate, b: Certificate, atol: float, rtol: float) -> bool:

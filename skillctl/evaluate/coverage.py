@@ -118,14 +118,17 @@ def selected_shares(
 
 
 def same_targets(skill: CombinedSkill) -> tuple[tuple[int, int, float], ...]:
-    """Return the pairs of parts whose attractors differ by less than ``SAME_TARGET``, and by how much.
+    """Return the pairs of parts whose attractors differ by less than ``SAME_TARGET``, and how far these are.
 
-    Parts are counted from 1; parts of exactly one attractor are not named.
+    Parts are counted from 1; parts that end in exactly one place, however they are turned, are not named.
     """
     ends, tolerance = skill.part_attractors, _tolerance(skill)
-    distance = skill.space.distance
-    gaps = [(i, j, float(distance(ends[i], ends[j]))) for i, j in combinations(range(len(ends)), 2)]
-    return tuple((i + 1, j + 1, gap) for i, j, gap in gaps if 0 < gap <= tolerance)
+    near = []
+    for i, j in combinations(range(len(ends)), 2):
+        gap, _ = skill.space.apart(ends[i], ends[j])
+        if gap > 0 and skill.space.distance(ends[i], ends[j]) <= tolerance:
+            near.append((i + 1, j + 1, float(gap)))
+    return tuple(near)
 
 
 def calibrated_priors(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> FloatArray:
@@ -240,10 +243,7 @@ class _Taught:
     @property
     def starts(self) -> FloatArray:
         """States in which they begin. Shape (n, d)."""
-        part = self.part
-        return (
-            self.places if part.space.flat else part.space.placed(self.places - part.anchor, part.attractor)
-        )
+        return self.part.uncharted(self.places)
 
 
 def _taught(skill: CombinedSkill, demonstrations: Sequence[DemonstrationSet | None]) -> list[_Taught | None]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from skillctl import metrics
 from skillctl.arrays import FloatArray
-from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import ActingSkill
 from skillctl.model.space import Space
@@ -96,15 +96,6 @@ def _numbers(apart: tuple[FloatArray, FloatArray | None]) -> tuple[float, float 
     return float(apart[0]), None if apart[1] is None else float(apart[1])
 
 
-def ending_at(demonstration: Demonstration, target: FloatArray, space: Space) -> Demonstration:
-    """Return a demonstration moved so that it ends at a target (d,)."""
-    states = demonstration.positions
-    if space.flat:
-        return demonstration.translated(target - states[-1])
-    moved = space.carried(states, states[-1], target)
-    return Demonstration.from_positions(demonstration.times, moved, demonstration.source, space)
-
-
 def mean_dtw(reports: Sequence[DemonstrationReport]) -> float | None:
     """Return the mean of the DTW distances, or None if there are none, or one is missing."""
     return _mean([report.dtw for report in reports])
@@ -129,7 +120,7 @@ def strays(skill: ActingSkill, taught: Sequence[DemonstrationSet | None]) -> tup
     found = []
     for motions in taught:
         if motions is not None:
-            ending = [ending_at(motion, skill.attractor, motions.space) for motion in motions]
+            ending = [motion.ending_at(skill.attractor, motions.space) for motion in motions]
             distance = mean_dtw(report_errors(skill, DemonstrationSet(tuple(ending), motions.space)))
             found.append(np.inf if distance is None else distance / motions.extent)
     return tuple(found)

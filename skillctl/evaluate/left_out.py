@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import HeldOut, ending_at, mean_dtw, mean_dtw_angle, report_errors
+from skillctl.evaluate.errors import HeldOut, mean_dtw, mean_dtw_angle, report_errors
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.demonstration import DemonstrationSet
@@ -51,7 +51,7 @@ def leave_out_in_turn(
         kept = tuple(d for i, d in enumerate(demonstrations) if i % folds != fold)
         skill = fit(DemonstrationSet(kept, demonstrations.space), options).skill
         left_out = {
-            i: ending_at(d, skill.attractor, demonstrations.space)
+            i: d.ending_at(skill.attractor, demonstrations.space)
             for i, d in enumerate(demonstrations)
             if i % folds == fold
         }

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillctl.errors import UsageError
+from skillctl.arrays import FloatArray
+from skillctl.errors import StateError, UsageError
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
@@ -25,7 +26,8 @@ class Region:
     Attributes:
         part: Counted from 1.
         prior: β; the part acts where its β r is largest.
-        attractor: Where it ends.
+        attractor: Where it ends, a state.
+        target: The same in the numbers in which a target is given: a pose as x, y, z, qx, qy, qz, qw.
         radius: Within this distance of the attractor the part provably acts alone; None if none was found, or
             if none is needed because there is a global proof.
         demonstrations: Number of embedded demonstrations.
@@ -38,6 +40,7 @@ class Region:
     radius: float | None
     demonstrations: int
     selected: float | None
+    target: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -45,16 +48,17 @@ class Place:
     """What a skill does at one place.
 
     Attributes:
-        position: The place.
+        position: The place, a state.
         part: Which part acts there, counted from 1; None where all act together.
         weights: Each part's share: of the motion (merged), or β r of it over the sum of all (combined, where
             the largest acts alone). One for a learned skill.
-        velocity: ξ̇ there, per second.
+        velocity: ξ̇ there, per second; of a pose the twist in the base frame, [m/s] and [rad/s].
         arrives: Whether the motion from there was seen to arrive.
         end: Where it was when it arrived, or when it was given up.
         attractor: Number of the attractor it arrived at, counted from 1: that of the part with this number,
             or the only one; None if it did not arrive.
         time: When it arrived, or was given up, [s].
+        given, given_end: The place and the end in the numbers in which a target is given.
     """
 
     position: tuple[float, ...]
@@ -65,6 +69,8 @@ class Place:
     end: tuple[float, ...]
     attractor: int | None
     time: float
+    given: tuple[float, ...]
+    given_end: tuple[float, ...]
 
 
 def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ...]:
@@ -76,13 +82,13 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
 
     rows = zip(
         skill.part_priors.tolist(),
-        skill.part_attractors.tolist(),
+        skill.part_attractors,
         certificate.parts,
         selected_shares(skill, artifact.demonstrations),
         strict=True,
     )
     return tuple(
-        Region(number, prior, tuple(attractor), proof.radius, *share)
+        Region(number, prior, tuple(attractor.tolist()), proof.radius, *share, skill.space.given(attractor))
         for number, (prior, attractor, proof, share) in enumerate(rows, start=1)
     )
 
@@ -90,23 +96,22 @@ def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ..
 def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Place:
     """Return what the skill does at a position, by evaluation and one rollout: evidence, not proof.
 
+    Args:
+        skill: Any skill.
+        position: Given as a target is; a hand given by its position alone is turned as at the first target.
+        certificate: Of the skill.
+
     Raises:
         UsageError: Another number of coordinates than the skill has, or numbers that are not finite.
     """
-    x = np.array(position, dtype=np.float64)
-    if x.shape != (skill.dimension,) or not np.isfinite(x).all():
-        target = ",".join(f"{value:.4g}" for value in skill.attractors[0])
-        raise UsageError(
-            f"at: expected {skill.dimension} finite numbers ({', '.join(skill.space.names)}), got {x.size}.",
-            hint=f"Separate them by commas, as in --at {target}.",
-        )
+    x = _state(skill, position)
     proved = [part.period for part in certificate.parts if part.period is not None]
     period = min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])
     motion = rollout(skill, x[None], duration=STEPS * period, period=period)
     times, path = motion.trajectory(0)
     arrives = bool(motion.arrived[0])
     goals = skill.attractors
-    nearest = int(np.linalg.norm(goals - path[-1], axis=1).argmin())
+    nearest = int(skill.space.distance(goals, path[-1]).argmin())
     return Place(
         position=tuple(x.tolist()),
         part=int(skill.part_at(x[None])[0]) + 1 if skill.kind == "combined" else None,
@@ -116,4 +121,23 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
         end=tuple(path[-1].tolist()),
         attractor=nearest + 1 if arrives else None,
         time=float(times[-1]),
+        given=skill.space.given(x),
+        given_end=skill.space.given(path[-1]),
     )
+
+
+def _state(skill: Skill, position: Sequence[float]) -> FloatArray:
+    """Return a position as a state (d,), or raise UsageError."""
+    space, first = skill.space, skill.attractors[0]
+    x = np.array(position, dtype=np.float64)
+    if x.shape == (space.positions,):
+        x = np.concatenate([x, first[space.positions :]])
+    try:
+        return space.measured(x)
+    except StateError:
+        sizes = " or ".join(map(str, space.sizes))
+        target = ",".join(f"{value:.4g}" for value in space.given(first))
+        raise UsageError(
+            f"at: expected {sizes} finite numbers ({', '.join(space.names)}), got {len(position)}.",
+            hint=f"Separate them by commas, as in --at {target}.",
+        ) from None

@@ -92,6 +92,13 @@ class Demonstration(Frozen):
         """Return the same motion, moved by ``offset`` (d,)."""
         return Demonstration(self.times, self.positions + offset, self.velocities, self.source)
 
+    def ending_at(self, goal: FloatArray, space: Space) -> Demonstration:
+        """Return the same motion, moved in its space so that it ends at ``goal`` (d,)."""
+        if space.flat:
+            return self.translated(goal - self.positions[-1])
+        moved = space.carried(self.positions, self.positions[-1], goal)
+        return Demonstration.from_positions(self.times, moved, self.source, space)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DemonstrationSet(Frozen):

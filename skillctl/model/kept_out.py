@@ -84,8 +84,8 @@ def kept_out(
 
 def admitted(
     skill: Skill, bodies: Sequence[AnyBody], *, margin: float, stride: float | None = None
-) -> tuple[list[AnyBody], tuple[tuple[str, str], ...]]:
-    """Return those of the bodies that a skill can keep out of together; of the others, name and reason.
+) -> tuple[list[AnyBody], tuple[tuple[AnyBody, str], ...]]:
+    """Return those of the bodies that a skill can keep out of together; and the others, with reasons.
 
     A body is left out if a target is in it, or if it is too near to one before it in the list.
 
@@ -102,9 +102,9 @@ def admitted(
     for body in bodies:
         gauge = body.inflated(inflation)
         if gauge.values(skill.attractors[:, : len(gauge.pole)]).min() < LEAST_REACH:
-            refusals.append((body.name, "the target is in it, or next to it"))
+            refusals.append((body, "the target is in it, or next to it"))
         elif met := [other.name for other, taken in chosen if not separated(taken, gauge, least)]:
-            refusals.append((body.name, f"it meets the {met[0]}"))
+            refusals.append((body, f"it meets the {met[0]}"))
         else:
             chosen.append((body, gauge))
     return [body for body, _ in chosen], tuple(refusals)

@@ -55,6 +55,11 @@ class Pose(Space):
         return 3
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Metres, and radians of the rotation vector."""
+        return ("m", "m", "m", "rad", "rad", "rad")
+
+    @property
     def sizes(self) -> tuple[int, ...]:
         """Position, with a rotation vector, or with a quaternion."""
         return (3, 6, 7)
@@ -106,9 +111,10 @@ class Pose(Space):
             moved[..., :3] = goal[:3] + rotations.turned(moved[..., :3] - goal[:3], base)
         return moved
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
-        return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+        positions = Space.mean(self, states[:, :3], weights)
+        return np.concatenate([positions, rotations.mean(states[:, 3:], weights)])
 
     def middle(self, states: FloatArray) -> FloatArray:
         """Return the median of positions and that of orientations (6,): the sum of angles to it is least."""
@@ -153,6 +159,20 @@ class Pose(Space):
         """Return how far apart poses (..., 6) are: [m], and [rad]."""
         moved = np.linalg.norm(to[..., :3] - start[..., :3], axis=-1)
         return np.asarray(moved), rotations.angles(to[..., 3:], start[..., 3:])
+
+    def magnitudes(self, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ‖v‖ [m/s] and ‖ω‖ [rad/s] of twists (..., 6)."""
+        moving, turning = (np.linalg.norm(v, axis=-1) for v in (velocities[..., :3], velocities[..., 3:]))
+        return np.asarray(moving), np.asarray(turning)
+
+    def turns(self, states: FloatArray) -> FloatArray:
+        """Return the rotation vectors (..., 3) of poses (..., 6)."""
+        return states[..., 3:]
+
+    def given(self, state: FloatArray) -> tuple[float, ...]:
+        """Return one pose (6,) as (x, y, z, qx, qy, qz, qw)."""
+        x, y, z, *turn = state.tolist()
+        return (x, y, z, *rotations.quaternion_of(*turn))
 
     def rates(self, times: FloatArray, states: FloatArray) -> FloatArray:
         """Return the twists (T, 6) of a motion (T, 6): over both neighbours, at the ends over one."""
@@ -212,6 +232,13 @@ class Pose(Space):
         inverse = rotations.quaternion_of(-base[0], -base[1], -base[2])
         turn = rotations.vector_of(*rotations.product_of(rotations.quaternion_of(*r), inverse))
         return np.array([x - px, y - py, z - pz, *turn])
+
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one pose (6,)."""
+        x, y, z, *r = state.tolist()
+        dx, dy, dz, *by = difference.tolist()
+        turned = rotations.product_of(rotations.quaternion_of(*by), rotations.quaternion_of(*r))
+        return np.array([x + dx, y + dy, z + dz, *rotations.vector_of(*turned)])
 
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return √(‖Δp‖² + ℓ²θ²) of two poses (6,), [m]."""

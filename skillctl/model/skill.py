@@ -292,6 +292,10 @@ class ActingSkill(Skill):
         """Return the charted states (..., d) of states (..., d): what densities are said of."""
         return states if self.space.flat else self.anchor + self.space.offsets(states, self.attractor)
 
+    def uncharted(self, charted: FloatArray) -> FloatArray:
+        """Return the states (..., d) of charted states (..., d)."""
+        return charted if self.space.flat else self.space.placed(charted - self.anchor, self.attractor)
+
     def _charted(self, states: FloatArray, offsets: FloatArray) -> FloatArray:
         return states if self.space.flat else self.anchor + offsets
 

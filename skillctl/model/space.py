@@ -64,6 +64,11 @@ class Space(ABC):
         return self.dimension
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each coordinate of a state."""
+        return (self.unit,) * self.dimension
+
+    @property
     def sizes(self) -> tuple[int, ...]:
         """In how many numbers a target can be given."""
         return (self.dimension,)
@@ -118,9 +123,9 @@ class Space(ABC):
         """
         return self.placed(self.offsets(states, target), goal)
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return the mean (d,) of states (n, d) with weights (n,) that sum to one."""
-        return np.asarray(weights @ states)
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+        """Return the mean (d,) of states (n, d), with weights (n,) that sum to one, or equal ones."""
+        return np.asarray(states.mean(axis=0) if weights is None else weights @ states)
 
     def middle(self, states: FloatArray) -> FloatArray:
         """Return the median (d,) of states (n, d), of each coordinate: one far off hardly moves it."""
@@ -134,6 +139,10 @@ class Space(ABC):
         """Return as ``difference`` for two states (d,)."""
         return self.difference(to, start)
 
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one state (d,)."""
+        return self.displace(state, difference)
+
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return how far apart two states (d,) are, in the unit."""
         return length(self.difference(to, start))
@@ -141,6 +150,18 @@ class Space(ABC):
     def apart(self, to: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return how far apart states (..., d) are: in position, and in orientation [rad] if they have it."""
         return self.distance(to, start), None
+
+    def magnitudes(self, velocities: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return how fast velocities (..., d) move, and how fast they turn [rad/s] if states can."""
+        return np.asarray(np.linalg.norm(velocities, axis=-1)), None
+
+    def turns(self, states: FloatArray) -> FloatArray | None:
+        """Return the rotation vectors (..., 3) of states (..., d), if they have an orientation."""
+        return None
+
+    def given(self, state: FloatArray) -> tuple[float, ...]:
+        """Return one state (d,) in the numbers in which a target is given."""
+        return tuple(state.tolist())
 
     def rates(self, times: FloatArray, states: FloatArray) -> FloatArray:
         """Return velocities (T, d) of a motion (T, d) at increasing times (T,): differences of neighbours."""

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from skillctl.arrays import FloatArray
 from skillctl.model.demonstration import Demonstration
 from skillctl.plotting import style
-from skillctl.plotting.panels import VIEWS, columns_of, latest_of
-from skillctl.plotting.portrait import Motion, Portrait, Scale, box_around
+from skillctl.plotting.panels import columns_of, latest_of, traced
+from skillctl.plotting.portrait import Motion, Portrait, box_around
 from skillctl.plotting.skill import WIDTH
 
 MOST_PROFILES = 12  # panels of speed; paths are drawn of all
@@ -38,7 +38,6 @@ def draw_fit(
             unknown.
     """
     profiled = portrait.demonstrations[:MOST_PROFILES]
-    dimension = portrait.skill.dimension
     rows = math.ceil(len(profiled) / ACROSS)
     portrait = _boxed(portrait, left_out)
     draws = columns_of(portrait, paths=True)
@@ -46,16 +45,20 @@ def draw_fit(
     with style.drawing():
         figure = Figure((WIDTH, tall + 1.45 * rows + 1.0), layout="constrained")
         upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(tall, 1.45 * rows + 0.3)).flat
-        paths = upper.subplots(math.ceil(len(draws) / 3), min(len(draws), 3), squeeze=False)
+        across = _across(len(draws))
+        paths = upper.subplots(math.ceil(len(draws) / across), across, squeeze=False)
         for panel, (axes, draw) in enumerate(zip(style.first(paths, len(draws)), draws, strict=True)):
             draw(axes, portrait)
             _draw_left_out(axes, portrait, left_out, panel)
-        top = HEADROOM * portrait.scale.factor * max(float(_speeds(d).max()) for d in portrait.demonstrations)
+            if across == 2:
+                axes.locator_params(axis="x", nbins=6)
+        fastest = max(float(_speeds(d, portrait).max()) for d in portrait.demonstrations)
+        top = HEADROOM * portrait.scale.factor * fastest
         profiles = lower.subplots(rows, ACROSS, squeeze=False, sharex=True, sharey=True)
         profiles = style.first(profiles, len(profiled))
         for index, (axes, demonstration) in enumerate(zip(profiles, profiled, strict=True)):
             held = left_out[index] if left_out else None
-            _draw_profile(axes, demonstration, portrait.motions[index], held, portrait.scale, top)
+            _draw_profile(axes, demonstration, portrait.motions[index], held, portrait, top)
             error = _error(errors[index], moved[index] if moved else None, portrait)
             axes.set_title(f"{style.named(demonstration.source, 28)}\n{error}", fontsize=7.5)
         _label_outer(profiles, portrait, top)
@@ -63,7 +66,8 @@ def draw_fit(
         some = f", speeds of the first {len(profiled)} of {count}" if count > len(profiled) else ""
         figure.suptitle(f"{style.named(portrait.name)}: demonstrations and motions from their starts{some}")
         held_out = ["learned without that demonstration"] if left_out else []
-        ends = ["start", "attractor"] if dimension in (2, 3) else []
+        ends = ["start", "attractor"] if portrait.dimension in (2, 3) else []
+        ends += style.AXES if portrait.turns else []
         style.legend(figure, style.entries("demonstration", "motion of the skill", *held_out, *ends))
     return figure
 
@@ -80,10 +84,14 @@ def _error(distance: float | None, moved: float | None, portrait: Portrait) -> s
 def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:
     """Return the portrait with a box around all that the figure shows."""
     points = [portrait.goals, *(d.positions for d in portrait.demonstrations)]
-    points += [motion.positions for motion in portrait.motions]
-    points += [each.positions for each in left_out]
-    low, high = box_around(np.vstack(points))
+    points += [motion.positions for motion in (*portrait.motions, *left_out)]
+    low, high = box_around(np.vstack(points)[:, : portrait.dimension])
     return portrait.within(low, high)
+
+
+def _across(panels: int) -> int:
+    """Return how many panels of paths stand in a row: three, but four make two rows."""
+    return 2 if panels == 4 else min(panels, 3)
 
 
 def _height_of_paths(portrait: Portrait, panels: int) -> float:
@@ -91,22 +99,24 @@ def _height_of_paths(portrait: Portrait, panels: int) -> float:
     span = portrait.high - portrait.low
     if panels == 1 and len(span) == 2:
         return min(0.62 * WIDTH * float(span[1] / span[0]), 5.0) + 0.5
-    return 2.7 if len(span) == 3 else 1.9 * math.ceil(panels / 3)
+    return (2.7 if len(span) == 3 else 1.9) * math.ceil(panels / _across(panels))
 
 
 def _draw_left_out(axes: Axes, portrait: Portrait, left_out: Sequence[Motion], panel: int) -> None:
     for each in left_out:
-        if portrait.skill.dimension in (2, 3):
-            axes.plot(*portrait.coordinates(each.positions, VIEWS[panel]), **style.HELD)
-        else:
-            axes.plot(each.times, *portrait.coordinates(each.positions, [panel]), **style.HELD)
+        axes.plot(*traced(portrait, each, panel), **style.HELD)
 
 
 def _draw_profile(
-    axes: Axes, demonstration: Demonstration, motion: Motion, held: Motion | None, scale: Scale, top: float
+    axes: Axes,
+    demonstration: Demonstration,
+    motion: Motion,
+    held: Motion | None,
+    portrait: Portrait,
+    top: float,
 ) -> None:
     """Draw speeds over time; the skill has no clock, so only shape and size are to be compared."""
-    speeds = _speeds(demonstration)
+    speeds, scale = _speeds(demonstration, portrait), portrait.scale
     times = demonstration.times[: len(speeds)] - demonstration.times[0]
     axes.plot(times, scale.factor * speeds, **style.DEMONSTRATED)
     drawn = [(motion, style.MOVED)] if held is None else [(motion, style.MOVED), (held, style.HELD)]
@@ -120,15 +130,14 @@ def _draw_profile(
                           color=line["color"])  # fmt: skip
 
 
-def _speeds(demonstration: Demonstration) -> FloatArray:
+def _speeds(demonstration: Demonstration, portrait: Portrait) -> FloatArray:
     """Return the speeds along a demonstration, per second; shape (T − 2,).
 
     Its last sample closes the gap that trimming left before the point of rest, which was not
     demonstrated: neither that sample nor the difference across it has a speed.
     """
-    return np.asarray(
-        np.linalg.norm(demonstration.velocities[: max(len(demonstration.times) - 2, 1)], axis=1)
-    )
+    shown = demonstration.velocities[: max(len(demonstration.times) - 2, 1)]
+    return portrait.skill.space.magnitudes(shown)[0]
 
 
 def _label_outer(axes: Sequence[Axes], portrait: Portrait, top: float) -> None:

@@ -13,12 +13,15 @@ from skillctl.model.mixture import GaussianMixture
 from skillctl.plotting import style
 from skillctl.plotting.flow import draw_flow, drawn_grid
 from skillctl.plotting.portrait import Motion, Portrait
+from skillctl.rotations import matrices
 
 DEVIATIONS = 2.0  # standard deviations an ellipse reaches
 REGION_GRID = 220  # points a side; borders between regions are drawn as smooth as that
 LEVELS = 6  # contours of V between the attractor and the farthest corner
 
 VIEWS = ((0, 1), (0, 2), (1, 2))  # of space: from above, from the side, from the front
+HANDS = 5  # places along a motion at which the axes of the hand are drawn
+HAND = 0.05  # of the longest side of the box: the length of an axis of the hand
 
 Draw = Callable[[Axes, Portrait], None]
 
@@ -68,6 +71,24 @@ def course(i: int) -> Draw:
     return draw
 
 
+def draw_angles(axes: Axes, portrait: Portrait) -> None:
+    """Draw against time how far a hand is turned from where it ends."""
+    for demonstration in portrait.demonstrations:
+        states = demonstration.positions
+        times = demonstration.times - demonstration.times[0]
+        axes.plot(times, portrait.angles(states, states[-1]), **style.DEMONSTRATED)
+    for motion in portrait.motions:
+        axes.plot(*angle_course(portrait, motion), **line_of(portrait, motion))
+    axes.set(xlabel="time [s]", ylabel="angle from target [°]")
+    axes.set_xlim(0, latest_of(portrait))
+    axes.set_ylim(bottom=0)
+
+
+def angle_course(portrait: Portrait, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """Return the times of a motion, and how far it is turned from its target then, in degrees."""
+    return motion.times, portrait.angles(motion.positions, portrait.skill.acting_parts[motion.part].attractor)
+
+
 def draw_line_field(axes: Axes, portrait: Portrait) -> None:
     """Draw a 1-D skill: its velocity over its coordinate, with that of the demonstrations."""
     x = np.linspace(portrait.low[0], portrait.high[0], 400)
@@ -84,16 +105,27 @@ def draw_line_field(axes: Axes, portrait: Portrait) -> None:
 def columns_of(portrait: Portrait, *, paths: bool = False) -> tuple[Draw, ...]:
     """Return the panels that show a skill: one for a plane, three views of space, else coordinates.
 
+    Those of a skill with orientation also have the angle from the target.
+
     Args:
         portrait: The skill.
         paths: Show only paths, neither field nor density.
     """
-    dimension = portrait.skill.dimension
-    if dimension == 2:
+    if portrait.dimension == 2:
         return (side(0, 1, density=False) if paths else draw_plane,)
-    if dimension == 3:
-        return tuple(side(i, j, density=not paths) for i, j in VIEWS)
-    return tuple(course(i) for i in range(dimension))
+    if portrait.dimension == 3:
+        views = tuple(side(i, j, density=not paths) for i, j in VIEWS)
+        return (*views, draw_angles) if portrait.turns else views
+    return tuple(course(i) for i in range(portrait.dimension))
+
+
+def traced(portrait: Portrait, motion: Motion, panel: int) -> Sequence[FloatArray]:
+    """Return the line that shows a motion in a panel of ``columns_of(…, paths=True)``: x and y."""
+    if portrait.dimension not in (2, 3):
+        return [motion.times, *portrait.coordinates(motion.positions, [panel])]
+    if panel < len(VIEWS):
+        return list(portrait.coordinates(motion.positions, VIEWS[panel]))
+    return angle_course(portrait, motion)
 
 
 def frame(axes: Axes, portrait: Portrait, pair: tuple[int, int]) -> None:
@@ -116,9 +148,31 @@ def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int]) -> None:
         draw(demonstration.positions, style.DEMONSTRATED)
     for motion in portrait.motions:
         draw(motion.positions, line_of(portrait, motion))
+    if portrait.turns:
+        draw_hands(axes, portrait, picked)
     for colour, starts in starts_of(portrait):
         draw(starts, {**style.STARTED, "mfc": colour})
     draw(portrait.goals, style.GOAL)
+
+
+def draw_hands(axes: Axes, portrait: Portrait, picked: Sequence[int]) -> None:
+    """Draw the three axes of the hand at a few places along each motion, in the coordinates picked."""
+    states = np.vstack([_spread(motion.positions, portrait.dimension) for motion in portrait.motions])
+    turns = portrait.skill.space.turns(states)
+    assert turns is not None
+    reach = HAND * float((portrait.high - portrait.low).max())
+    places = states[:, : portrait.dimension]
+    tips = places[:, None] + reach * matrices(turns).swapaxes(1, 2)  # (n, axis, 3)
+    for axis, line in enumerate(style.AXES.values()):
+        gaps = np.full_like(places, np.nan)
+        ends = np.stack([places, tips[:, axis], gaps], axis=1).reshape(-1, portrait.dimension)
+        axes.plot(*portrait.coordinates(ends, picked), **line)
+
+
+def _spread(states: FloatArray, n: int) -> FloatArray:
+    """Return a few states of a motion (T, d), evenly along the path of its first n coordinates."""
+    way = np.cumsum(np.linalg.norm(np.diff(states[:, :n], axis=0, prepend=states[:1, :n]), axis=1))
+    return np.asarray(states[np.searchsorted(way, np.linspace(0, way[-1], HANDS))])
 
 
 def line_of(portrait: Portrait, motion: Motion) -> style.Line:

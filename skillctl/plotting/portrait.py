@@ -26,18 +26,19 @@ CENTIMETRES = 0.3  # smaller extents are given in millimetres
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One motion of a skill: times (T,) [s], positions (T, d), the part that acted at its end, from 0."""
+    """One motion of a skill.
+
+    Attributes:
+        times: Shape (T,), [s].
+        positions: States, shape (T, d).
+        part: The part that acted at its end, from 0.
+        speeds: By central differences, shape (T,), in the unit of the space per second.
+    """
 
     times: FloatArray
     positions: FloatArray
     part: int
-
-    @property
-    def speeds(self) -> FloatArray:
-        """Speed by central differences, shape (T,), in the unit of the space per second."""
-        if len(self.times) < 2:
-            return np.zeros(len(self.times))
-        return np.asarray(np.linalg.norm(np.gradient(self.positions, self.times, axis=0), axis=1))
+    speeds: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,8 @@ class Portrait:
         skill: The skill.
         demonstrations: The demonstrations that it carries.
         motions: One from the start of each; without demonstrations, one from each centre of its density.
-        low, high: Corners of the box around all of them and the attractors, with a margin. Shape (d,).
+        low, high: Corners of the box around their positions and the attractors', with a margin. Shape (n,),
+            where n is the number of coordinates that are a position.
     """
 
     name: str
@@ -78,30 +80,48 @@ class Portrait:
         return self.skill.attractors
 
     @property
+    def dimension(self) -> int:
+        """How many coordinates of a state are a position; figures show the plane or the space of these."""
+        return self.skill.space.positions
+
+    @property
+    def turns(self) -> bool:
+        """Whether states have an orientation, too."""
+        return self.skill.space.turns(self.goals) is not None
+
+    @property
     def scale(self) -> Scale:
         """The unit in which its figures give lengths, which the size of its box decides."""
         return Scale.of(self.skill.space, float((self.high - self.low).max()))
 
     def coordinates(self, positions: FloatArray, picked: Sequence[int]) -> FloatArray:
-        """Return the picked coordinates of positions (…, d) in that unit. Shape (number picked, …)."""
+        """Return the picked coordinates of positions or states in that unit. Shape (number picked, …)."""
         return np.asarray(self.scale.factor * positions[..., picked].T)
 
+    def angles(self, states: FloatArray, target: FloatArray) -> FloatArray:
+        """Return how far states (…, d) are turned from a target (d,), in degrees; zeros if nothing turns."""
+        _, turned = self.skill.space.apart(states, target)
+        return np.zeros(states.shape[:-1]) if turned is None else np.degrees(turned)
+
     def within(self, low: FloatArray, high: FloatArray) -> Portrait:
-        """Return the same portrait with another box, given by its corners (d,)."""
+        """Return the same portrait with another box, given by its corners."""
         return replace(self, low=low, high=high)
 
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
     """Return the portrait of a skill and the demonstrations that its leaves carry."""
     demonstrations = tuple(motion for members in taught if members is not None for motion in members)
-    density = skill.density
-    starts = np.stack([d.positions[0] for d in demonstrations]) if demonstrations else density.means
+    density, n = skill.density, skill.space.positions
+    if demonstrations:
+        starts = np.stack([d.positions[0] for d in demonstrations])
+    else:
+        starts = np.vstack([part.uncharted(part.density.means) for part in skill.acting_parts])
     longest = max((d.duration for d in demonstrations), default=None)
     motions = motions_from(skill, starts, longest)
     spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     around = [d.positions for d in demonstrations] or [density.means - spread, density.means + spread]
-    inner = np.vstack([*around, skill.attractors])
-    near = [_inside(motion.positions, inner) for motion in motions]
+    inner = np.vstack([*around, skill.attractors])[:, :n]
+    near = [_inside(motion.positions[:, :n], inner) for motion in motions]
     low, high = box_around(np.vstack([inner, *near]))
     return Portrait(name, skill, demonstrations, motions, low, high)
 
@@ -124,8 +144,17 @@ def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None)
         usable = np.isfinite(positions).all(axis=1)
         end = len(times) if usable.all() else int(np.argmin(usable))
         picked = np.unique(np.linspace(0, end - 1, POINTS).astype(np.int64))
-        motions.append(Motion(times[picked], positions[picked], int(result.parts[index])))
+        times, positions = times[picked], positions[picked]
+        motions.append(Motion(times, positions, int(result.parts[index]), _speeds(skill, times, positions)))
     return tuple(motions)
+
+
+def _speeds(skill: Skill, times: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return the speeds (T,) of a motion; a motion that is nowhere else has none."""
+    if len(times) < 2:
+        return np.zeros(len(times))
+    with np.errstate(over="ignore"):  # of a motion that leaves all bounds
+        return skill.space.magnitudes(skill.space.rates(times, positions))[0]
 
 
 def joint_box(portraits: Sequence[Portrait]) -> tuple[FloatArray, FloatArray]:

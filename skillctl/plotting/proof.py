@@ -16,6 +16,7 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
 from skillctl.arrays import FloatArray
+from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.skill import Skill
 from skillctl.plotting import style
 from skillctl.plotting.flow import grid
@@ -27,6 +28,7 @@ FINENESS = {2: 241, 3: 61}  # points a side of the grid of a map, odd: the middl
 # Of the rates: readable with any colour vision; without the darkest fifth, for the sake of black lines.
 COLOURS = ListedColormap(matplotlib.colormaps["cividis"](np.linspace(0.2, 1.0, 256)))
 RATE = "decay rate −V̇ / 2V [1/s]"
+BLOCKS = ("position: √V", "orientation: the angle from the target")
 LARGEST_SHARE = 1e2  # of it; above it motions are lost
 RANGE = 1e4  # from the largest decay rate shown in its own colour down to the smallest
 SMALLEST_SHARE = 1e-4  # of the distance at the start; below it motions have arrived
@@ -38,13 +40,14 @@ class Bounds:
 
     Attributes:
         verdict: The verdict, in words, for the title.
-        rate: Proved decay rate of motions from everywhere, [1/s]; None if there is none.
+        rates: Proved decay rates of motions from everywhere, [1/s], one for each block of the space: of all
+            coordinates, or of position and orientation; None where there is none.
         radii: Distance from each part's attractor within which motions are proved to end there, or None.
         witness: Start (d,) of a motion that reaches no attractor, or None.
     """
 
     verdict: str
-    rate: float | None
+    rates: tuple[float | None, ...]
     radii: tuple[float | None, ...]
     witness: tuple[float, ...] | None
 
@@ -69,7 +72,8 @@ def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
     """Return the figure of certificates, one row per skill.
 
     Each row has a map of the decay rate −V̇ / 2V in two dimensions, or its slices through the attractor in
-    three, and in every dimension √V along motions, beside the proved rate.
+    three, and in every dimension √V along motions, beside the proved rate. Of poses the slices have the
+    orientation of the target, and √V of position and orientation, which is an angle, are apart.
     """
     heights = [_height(portrait) for portrait, _ in proofs]
     with style.drawing():
@@ -77,16 +81,17 @@ def draw_proofs(proofs: Sequence[tuple[Portrait, Bounds]]) -> Figure:
         rows = figure.subfigures(len(proofs), 1, squeeze=False, height_ratios=heights).flat
         for row, (portrait, bounds) in zip(rows, proofs, strict=True):
             lost = _witness(portrait, bounds)
-            dimension = portrait.skill.dimension
-            if dimension == 2:
-                map_axes, courses = row.subplots(1, 2, width_ratios=(1.5, 1))
+            if portrait.dimension == 2:
+                map_axes, *courses = row.subplots(1, 2, width_ratios=(1.5, 1))
                 _draw_map(map_axes, portrait, bounds, lost)
-            elif dimension == 3:
-                *slices, courses = row.subplots(2, 2).flat
-                _draw_slices(slices, portrait, bounds, lost)
+            elif portrait.dimension == 3:
+                panels = list(row.subplot_mosaic("aabbcc;dddeee" if portrait.turns else "ab;cd").values())
+                _draw_slices(panels[:3], portrait, bounds, lost)
+                courses = panels[3:]
             else:
-                courses = row.subplots()
-            _draw_courses(courses, portrait, bounds, lost)
+                courses = [row.subplots()]
+            for block, axes in enumerate(courses):
+                _draw_courses(axes, portrait, bounds, lost, block)
             row.suptitle(f"{style.named(portrait.name)}: {bounds.verdict}")
         style.legend(figure, _explained(proofs), columns=3)
     return figure
@@ -122,7 +127,8 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
     """Draw the decay rate in three planes through the first attractor, and the lowest rate in space."""
     scale, through = portrait.scale, portrait.goals[0]
     sides = [np.linspace(portrait.low[i], portrait.high[i], FINENESS[3]) for i in range(3)]
-    space = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    space = np.tile(through, (FINENESS[3] ** 3, 1))
+    space[:, :3] = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     rates = decay(portrait.skill, space)
     limits = _limits(rates)
     for each, pair in zip(axes, itertools.combinations(range(3), 2), strict=True):
@@ -139,7 +145,8 @@ def _draw_slices(axes: Sequence[Axes], portrait: Portrait, bounds: Bounds, lost:
         if np.isfinite(rates).any():
             lowest = int(np.nanargmin(rates))
             each.plot(*portrait.coordinates(space[lowest], pair), **style.LOWEST)
-    words = f"{RATE}; lowest in the box: {np.nanmin(rates):.3g}"
+    where = "\nturned as the target, lowest in the box" if portrait.turns else "; lowest in the box"
+    words = f"{RATE}{where}: {np.nanmin(rates):.3g}"
     bar = axes[0].figure.colorbar(
         image, ax=list(axes), label=words, extend=_extend(rates), location="left", shrink=0.7
     )
@@ -174,7 +181,7 @@ def _draw_rates(
     extent = (low[i], high[i], low[j], high[j])
     frame(axes, portrait, pair)
     image = axes.imshow(
-        np.where(rates > 0, rates, np.where(np.isnan(rates), np.nan, 0.5 * limits[0])),
+        np.where(rates > 0, np.maximum(rates, limits[0]), np.where(np.isnan(rates), np.nan, 0.5 * limits[0])),
         extent=extent,
         origin="lower",
         cmap=colours,
@@ -206,18 +213,25 @@ def _draw_marks(
         axes.plot(*start, "o", mfc="white", mec=style.WITNESS, ms=5, zorder=8)
 
 
-def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None) -> None:
-    """Draw how √V shrinks along motions, on a logarithmic scale, where the proved rate is a straight line."""
+def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion | None, block: int) -> None:
+    """Draw how √V of a block shrinks along motions, on a logarithmic scale.
+
+    There the proved rate is a straight line.
+    """
     latest = max(float(motion.times[-1]) for motion in portrait.motions)
     for motion in portrait.motions:
-        _draw_shares(axes, portrait, motion, {**style.MOVED, "lw": 0.8, "zorder": 3.0})
+        _draw_shares(axes, portrait, motion, block, {**style.MOVED, "lw": 0.8, "zorder": 3.0})
     if lost is not None:
-        _draw_shares(axes, portrait, lost, style.LOST)
+        _draw_shares(axes, portrait, lost, block, style.LOST)
         latest = max(latest, float(lost.times[-1]))
-    if bounds.rate is not None:
+    rate = bounds.rates[block]
+    if rate is not None:
         times = np.linspace(0, latest, 50)
-        axes.plot(times, np.exp(-bounds.rate * times), **style.PROVED)
+        axes.plot(times, np.exp(-rate * times), **style.PROVED)
     axes.set(xlabel="time [s]", ylabel="√V, as a share of that at the start", yscale="log")
+    if portrait.turns:
+        axes.set_title(BLOCKS[block])
+        axes.set_ylabel("share of that at the start")
     axes.set_xlim(0, latest)
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, SMALLEST_SHARE), min(max(high, 1.5), LARGEST_SHARE))
@@ -226,8 +240,11 @@ def _draw_courses(axes: Axes, portrait: Portrait, bounds: Bounds, lost: Motion |
     style.tidy([axes])
 
 
-def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, line: style.Line) -> None:
-    shrinking = portrait.skill.acting_parts[motion.part].v_distance(motion.positions)
+def _draw_shares(axes: Axes, portrait: Portrait, motion: Motion, block: int, line: style.Line) -> None:
+    part = portrait.skill.acting_parts[motion.part]
+    low, high = np.cumsum([0, *part.space.blocks])[block : block + 2]
+    offsets = (part.lifted(motion.positions) - part.anchor)[:, low:high]
+    shrinking = QuadraticForm(part.lyapunov[low:high, low:high]).distance(offsets)
     if shrinking[0] > 0:
         axes.plot(motion.times, np.maximum(shrinking / shrinking[0], 1e-12), **line)
 
@@ -243,11 +260,11 @@ def _height(portrait: Portrait) -> float:
 def _explained(proofs: Sequence[tuple[Portrait, Bounds]]) -> dict[str, Any]:
     """Return the entries of the legend, of only what these figures show."""
     wanted = ["motion of the skill"]
-    if any(bounds.rate is not None for _, bounds in proofs):
+    if any(rate is not None for _, bounds in proofs for rate in bounds.rates):
         wanted.append("proved: no motion is slower")
     if any(bounds.witness is not None for _, bounds in proofs):
         wanted.append("witness: reaches no attractor")
-    if any(portrait.skill.dimension in (2, 3) for portrait, _ in proofs):
+    if any(portrait.dimension in (2, 3) for portrait, _ in proofs):
         wanted += ["attractor", "lowest decay rate"]
     if any(radius is not None for _, bounds in proofs for radius in bounds.radii):
         wanted.append("proved radius")

@@ -20,7 +20,8 @@ from skillctl.plotting.portrait import Portrait, joint_box
 
 WIDTH = 7.4  # [inch], of figures; a README shows them a little smaller
 PANEL = 2.7  # [inch], width of one skill among several
-TITLES = ("seen from above", "seen from the side", "seen from the front")
+COURSE = 1.6  # [inch], height of a course over time below views
+TITLES = ("seen from above", "seen from the side", "seen from the front", "how far the hand is turned")
 MOST_IN_A_ROW = 4
 
 
@@ -28,14 +29,15 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
     """Return the figure of one skill.
 
     Two dimensions: the plane. Three: orthogonal views and a perspective. One: velocity over position, and
-    position over time. More: every coordinate over time.
+    position over time. More: every coordinate over time. With an orientation also the axes of the hand, and
+    its angle from the target over time.
 
     Args:
         portrait: The skill.
         about: The kind of skill, for the title.
     """
     with style.drawing():
-        figure = {2: _plane, 3: _space}.get(portrait.skill.dimension, _courses)(portrait)
+        figure = {2: _plane, 3: _space}.get(portrait.dimension, _courses)(portrait)
         figure.suptitle(f"{style.named(portrait.name)}  ({about})")
         style.legend(figure, explained([portrait]))
     return figure
@@ -79,18 +81,21 @@ def _heights(span: FloatArray, panels: int, rows: int) -> list[float]:
         return [PANEL * float(span[1] / span[0]) + labels] * rows
     if len(span) == 3:
         x, y, z = span.tolist()
-        return [PANEL * min(share, 1.2) + labels for share in (y / x, z / x, z / y)]
+        views = [PANEL * min(share, 1.2) + labels for share in (y / x, z / x, z / y)]
+        return views + [0.7 * PANEL] * (panels - len(views))
     return [0.7 * PANEL] * panels
 
 
 def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
     """Return the entries of the legend, of only what these portraits show."""
-    dimension = portraits[0].skill.dimension
+    dimension = portraits[0].dimension
     wanted = ["motion of the skill"]
     if any(portrait.demonstrations for portrait in portraits):
         wanted.insert(0, "demonstration")
     if dimension in (2, 3):
         wanted += ["start", "attractor", "position density, 2σ"]
+    if portraits[0].turns:
+        wanted += style.AXES
     if dimension == 2:
         wanted.append("level of V")
     handles = style.entries(*wanted)
@@ -113,7 +118,7 @@ def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
 def _parts(portrait: Portrait) -> dict[str, Any]:
     """Return the entries of the parts of a combined skill."""
     chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
-    what = {2: chosen, 3: "density of part"}.get(portrait.skill.dimension, "part")
+    what = {2: chosen, 3: "density of part"}.get(portrait.dimension, "part")
     colours = map(style.part_colour, range(len(portrait.skill.acting_parts)))
     return {
         f"{what} {number}": Patch(facecolor=style.to_tint(colour, 0.35), edgecolor=colour)
@@ -131,14 +136,20 @@ def _plane(portrait: Portrait) -> Figure:
 
 
 def _space(portrait: Portrait) -> Figure:
-    """Return views from above, the side and the front on one scale, edge to edge, and a perspective."""
+    """Return views from above, the side and the front on one scale, edge to edge, and a perspective.
+
+    A skill with orientation has its angle from the target below them.
+    """
     x, y, z = (portrait.high - portrait.low).tolist()
     scene = WIDTH - 1.6
-    figure = Figure((WIDTH, scene * (y + z) / (x + y) + 2.3), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(x, y), height_ratios=(y, z))
-    places = ((0, 0), (1, 0), (1, 1))
-    for (row, column), draw, title in zip(places, columns_of(portrait), TITLES, strict=True):
-        axes = figure.add_subplot(grid[row, column])
+    tall = scene * (y + z) / (x + y)
+    below = [COURSE] if portrait.turns else []
+    figure = Figure((WIDTH, tall + sum(below) + 2.3), layout="constrained")
+    heights = [tall * y / (y + z), tall * z / (y + z), *below]
+    grid = figure.add_gridspec(len(heights), 2, width_ratios=(x, y), height_ratios=heights)
+    places = (grid[0, 0], grid[1, 0], grid[1, 1], grid[-1, :])
+    for place, draw, title in zip(places, columns_of(portrait), TITLES, strict=False):
+        axes = figure.add_subplot(place)
         draw(axes, portrait)
         if portrait.skill.space.unit == "m":  # joint angles have no above
             axes.set_title(title)
@@ -166,7 +177,7 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
 
 
 def _courses(portrait: Portrait) -> Figure:
-    dimension = portrait.skill.dimension
+    dimension = portrait.dimension
     draws = [draw_line_field, course(0)] if dimension == 1 else [course(i) for i in range(dimension)]
     rows = math.ceil(len(draws) / 2)
     figure = Figure((WIDTH, 1.9 * rows + 1.2), layout="constrained")

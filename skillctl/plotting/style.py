@@ -40,6 +40,10 @@ STARTED: Line = {
     "ls": "", "marker": "o", "ms": 3.6, "mfc": "white", "mec": INK, "mew": 0.7, "zorder": 6.0
 }  # fmt: skip
 GOAL: Line = {"ls": "", "marker": "*", "ms": 11, "mfc": INK, "mec": "white", "mew": 0.7, "zorder": 7.0}
+AXES: dict[str, Line] = {  # of the hand: red, green and blue, as everywhere
+    f"hand's {name} axis": {"color": colour, "lw": 1.1, "zorder": 5.8, "solid_capstyle": "butt"}
+    for name, colour in zip("xyz", ("#D62728", "#2CA02C", "#3A3AFF"), strict=True)
+}
 LOST: Line = {"color": WITNESS, "lw": 1.8, "zorder": 7.5}
 LOWEST: Line = {"ls": "", "marker": "D", "ms": 5, "mfc": "white", "mec": INK, "mew": 1.0, "zorder": 8.0}
 FAINT: Line = {"color": "white", "lw": 0.7, "zorder": 4.0, "path_effects": OUTLINED}
@@ -122,6 +126,7 @@ def entries(*wanted: str) -> dict[str, Any]:
         "attractor": Line2D([], [], **GOAL),
         "position density, 2σ": Patch(facecolor=to_tint(DENSITY, 0.14), edgecolor=DENSITY, lw=0.8),
         "learned without that demonstration": Line2D([], [], **HELD),
+        **{name: Line2D([], [], **{**line, "lw": 2}) for name, line in AXES.items()},
         "witness: reaches no attractor": Line2D([], [], **LOST),
         "proved: no motion is slower": Line2D([], [], **PROVED),
         "lowest decay rate": Line2D([], [], **LOWEST),

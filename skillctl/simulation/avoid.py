@@ -17,6 +17,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.bodies import Body, Box
 from skillctl.model.kept_out import admitted, kept_out
 from skillctl.model.skill import AnySkill, Skill
@@ -31,6 +32,7 @@ from skillctl.simulation.scene import boxes
 BULLET_PADDING = 0.004  # [m], by which Bullet's boxes around meshes are larger on each side
 MARGIN = 0.003  # [m] around all things, which are rounded by it
 ROOM = 0.008  # [m] more around all but the cup, for which the fingers have no more room
+INNER = 0.012  # [m] from the faces of what guides the fingers to its pole
 LEDGE = 0.012  # [m] from the inflated board up to what guides the fingers past the cup
 
 
@@ -103,19 +105,26 @@ class Avoidance:
 
     def applied(self, skill: AnySkill, moved: FloatArray) -> AnySkill:
         """Return a skill, moved in the workspace by ``moved`` (3,) [m], that keeps out of the scene."""
-        bodies, _ = self._admitted(skill, moved)
+        if isinstance(skill, CombinedSkill) and self.kinematics.hand == "taught":  # parts turn it differently
+            return replace(skill, parts=tuple(self.applied(part, moved) for part in skill.parts))
+        bodies, _ = self.admitted(skill, moved)
         return kept_out(skill, bodies, margin=MARGIN, stride=self._stride)
 
     def said(self, skill: Skill) -> str:
         """Return what of the scene a skill is kept out of, and of what it is not and why, in a sentence."""
-        bodies, refusals = self._admitted(skill, np.zeros(3))
+        bodies, refusals = self.admitted(skill, np.zeros(3))
         names = ", ".join(dict.fromkeys(body.name for body in bodies)) or "nothing"
         meshes = [f"{each.name} (a mesh)" for each in self.scenario.obstacles if each.kind == "mesh"]
-        others = ", ".join([f"{name} ({reason})" for name, reason in refusals] + meshes)
+        others = ", ".join([f"{body.name} ({reason})" for body, reason in refusals] + meshes)
         return f"the hand keeps out of: {names}{f'; not of: {others}' if others else ''}."
 
-    def _admitted(self, skill: Skill, moved: FloatArray) -> tuple[list[Body], tuple[tuple[str, str], ...]]:
-        target = np.asarray(self.placement.to_workspace(skill.attractors).mean(axis=0) + moved)
+    def admitted(self, skill: Skill, moved: FloatArray) -> tuple[list[Body], tuple[tuple[Body, str], ...]]:
+        """Return the bodies that a skill, moved by ``moved`` (3,), keeps out of; and others, with reasons."""
+        if self.kinematics.hand == "taught":
+            skill = skill.acting_parts[0]
+        ends = self.placement.to_workspace(skill.attractors)
+        target = ends[0]  # of a pose with its orientation
+        target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
         return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
 
@@ -124,11 +133,11 @@ class Avoidance:
         return self.scenario.max_speed * CONTROL_PERIOD
 
     def bodies(self, target: FloatArray) -> list[Body]:
-        """Return the bodies that the hand's point must not enter on its way to a target (3,), [m]."""
+        """Return the bodies that the hand's point must not enter on its way to a target, a place."""
         return [*self._furniture(target), *self._obstacles(target), *self._cup(target)]
 
     def _axes(self, target: FloatArray) -> FloatArray:
-        """Return the hand's axes at a target, as columns."""
+        """Return the hand's axes at a target, a place, as columns."""
         turn = self.kinematics.orientation(target)
         return np.eye(3) if turn is None else matrices(vectors(np.array(turn)))
 
@@ -163,7 +172,7 @@ class Avoidance:
         surface = target[2] - 0.5 * cup.height
         floor = surface + ROOM + MARGIN + LEDGE - self.shape.around(axes)[0][2]
         for finger in self.shape.fingers:
-            yield self._grown("cup", target, size, turn, target, [finger], floor)
+            yield self._grown("sides of the cup", target[:3], size, turn, target, [finger], floor)
 
     def _grown(
         self,
@@ -175,13 +184,21 @@ class Avoidance:
         parts: list[int] | None = None,
         floor: float = -math.inf,
     ) -> Box:
-        """Return a box grown by the mirrored hand, or parts of it, along its own axes."""
+        """Return a box grown by the mirrored hand along its own axes; or by what is beside one finger."""
         own = matrices(turn).T
-        low, high = self.shape.around(own @ self._axes(target), parts)
+        low, high = self.shape.around(own @ self._axes(target))
+        if parts is not None:  # between the fingers there is room for a cup
+            beside, beyond = self.shape.around(own @ self._axes(target), parts)
+            if beside[1] > 0:
+                low[1] = beside[1]
+            else:
+                high[1] = beyond[1]
         least, most = -0.5 * size - high, 0.5 * size - low
         least[2] = max(least[2], min(floor - centre[2], most[2] - MARGIN))
         middle = centre + own.T @ (0.5 * (least + most))
-        deep = np.array([most[0] - MARGIN, 0.5 * (least[1] + most[1]), 0.5 * (least[2] + most[2])])
+        # The nearer a pole is to a face, the more room its influence has there: the fingers have little.
+        inner = least[1] + INNER if least[1] > -most[1] else most[1] - INNER
+        deep = np.array([most[0] - INNER, inner, 0.5 * (least[2] + most[2])])
         pole = tuple((centre + own.T @ deep).tolist()) if parts is not None else None
         return Box(
             name, tuple(middle.tolist()), tuple((most - least).tolist()), pole, turn=tuple(turn.tolist())

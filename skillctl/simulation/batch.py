@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal, TypeAlias
@@ -27,6 +28,7 @@ from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Scenario
 from skillctl.workers import WorkerDied, Workers
 
+Adapt: TypeAlias = Callable[[Skill, Scenario], Skill]
 PATH_SPACING = 4e-3  # [m]: as fine as an overview can show
 
 BatchOutcome: TypeAlias = Outcome | Literal["crashed"]
@@ -93,6 +95,7 @@ def run_batch(
     scenario: Scenario,
     starts: FloatArray,
     *,
+    adapt: Adapt | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Row, ...]:
@@ -102,6 +105,7 @@ def run_batch(
         skill: The skill that is run.
         scenario: How many episodes, and what is drawn for each (see ``drawn``).
         starts: Starts of the skill's demonstrations, shape (n, d).
+        adapt: Changes the skill for each episode that is drawn.
         workers: Processes, or a cluster; one process by default, but never this one.
         progress: Called before the first and after every episode, with episodes done and in all.
 
@@ -120,7 +124,7 @@ def run_batch(
 
     if progress is not None:
         progress("starting", 0, count)
-    task = partial(run_row, skill, scenario, starts)
+    task = partial(run_row, skill, scenario, starts, adapt=adapt)
     rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
 
     def crashed(index: int) -> Row:
@@ -130,11 +134,13 @@ def run_batch(
     return tuple(row if isinstance(row, Row) else crashed(index) for index, row in enumerate(rows))
 
 
-def run_row(skill: Skill, scenario: Scenario, starts: FloatArray, index: int) -> Row:
+def run_row(
+    skill: Skill, scenario: Scenario, starts: FloatArray, index: int, adapt: Adapt | None = None
+) -> Row:
     """Return one episode of a batch."""
     chosen = drawn(scenario, index, starts, skill.space)
     try:
-        episode = simulate(skill, chosen)
+        episode = simulate(adapt(skill, chosen) if adapt else skill, chosen)
     except RefusedError as refusal:
         return Row(index, chosen, refusal.outcome, str(refusal), None, None)
     except GoalNotReachedError as refusal:

@@ -13,7 +13,9 @@ from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
-from skillctl.simulation.scenario import Cup, Range, Sampling, Scenario
+from skillctl.simulation.clutter import bottles
+from skillctl.simulation.scenario import Cup, Sampling, Scenario
+from skillctl.simulation.values import Range
 
 CUP_DEPTH = (0.05, 0.18)  # [m] behind the front edge of a board: where cups are drawn by default
 CUP_REACH, CUP_CLEARANCE = 0.42, 0.10  # [m] to both sides; [m] to a board's ends
@@ -22,8 +24,8 @@ TURN_SCATTER = 0.05  # [rad], about three degrees
 POSITIONS = Euclidean.cartesian(3)
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
-Stream: TypeAlias = Literal["cup", "start", "body", "seed", "turn"]
-STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed", "turn")  # append only: the index is a seed
+Stream: TypeAlias = Literal["cup", "start", "body", "seed", "turn", "bottles"]
+STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed", "turn", "bottles")  # append only
 
 
 def chosen(
@@ -144,8 +146,11 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray, space: Space = P
         "episodes": 1,
         "sampling": Sampling(),
     }
-    if scenario.cup is not None:
-        changes["cup"] = _cup(scenario.cup, sampling, generators["cup"], generators["body"])
+    if scenario.cup is not None and scenario.scene is not None:
+        cup = changes["cup"] = _cup(scenario.cup, sampling, generators["cup"], generators["body"])
+        if sampling.bottles is not None:
+            beside = bottles(sampling.bottles, cup, scenario.scene, generators["bottles"])
+            changes["obstacles"] = (*scenario.obstacles, *beside)
     box = (sampling.start_x_range, sampling.start_y_range, sampling.start_z_range)
     if sampling.start_scatter is not None:
         positions = starts[:, : space.positions]

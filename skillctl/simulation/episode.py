@@ -29,6 +29,7 @@ Outcome: TypeAlias = Literal[
     "joint_limit",
     "diverged",
     "shelf_contact",
+    "bottle_contact",
     "tipped",
     "missed",
     "dropped",
@@ -45,7 +46,8 @@ The others are failures:
 - ``unreachable``: there were no joints for the reference, for a quarter of a second or from the start;
 - ``joint_limit``: the same, with a joint at its limit;
 - ``diverged``: the hand moved far away from the target, or the skill's velocity is not finite;
-- ``shelf_contact``: the arm touched the scene or an obstacle;
+- ``shelf_contact``: the arm touched the scene or an obstacle that does not move;
+- ``bottle_contact``: the arm touched an obstacle that stands loose;
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
 - ``missed``: the cup was not between both fingers when they had closed; without a cup: the hand stayed where
   it perceived its target, and that is elsewhere;

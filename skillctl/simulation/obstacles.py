@@ -1,4 +1,4 @@
-"""Obstacles of a scenario as bodies in a Bullet world: boxes, cylinders and meshes that do not move."""
+"""Obstacles of a scenario as bodies in a Bullet world: boxes, cylinders and meshes."""
 
 from __future__ import annotations
 
@@ -33,9 +33,18 @@ def add_obstacle(bullet: World, obstacle: Obstacle, colour: tuple[float, ...] | 
         visual = bullet.createVisualShape(kind, rgbaColor=colour, specularColor=(0, 0, 0), **seen)
     return int(
         bullet.createMultiBody(
-            0.0, bullet.createCollisionShape(kind, **felt), visual, obstacle.position, baseOrientation=turn
+            mass_of(obstacle),
+            bullet.createCollisionShape(kind, **felt),
+            visual,
+            obstacle.position,
+            baseOrientation=turn,
         )
     )
+
+
+def mass_of(obstacle: Obstacle) -> float:
+    """Return the mass of an obstacle that stands loose, [kg]; 0 for one that does not move."""
+    return (obstacle.mass or 0.0) if isinstance(obstacle, CylinderObstacle) else 0.0
 
 
 def _shapes(bullet: World, obstacle: Obstacle) -> tuple[int, dict[str, Any], dict[str, Any]]:

@@ -173,6 +173,11 @@ class ScenarioOptions:
         group=SCENE,
         help="Keep the hand out of scene and obstacles. Default: yes, for a skill in three dimensions.",
     )
+    adapt: bool | None = option(
+        group=SCENE,
+        help="Choose the weights of a merged skill for each target, start and scene; its proof holds for all "
+        "weights.",
+    )
     push: tuple[dict[str, Any], ...] = option(
         (),
         read=read_push,

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.coordinates.bodies import Body
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.avoid import Avoidance, avoidance
+from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.ik import POSE_POSITION, Kinematics, Solution
 from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
@@ -87,6 +90,43 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     if fallback is None:
         raise refusal
     return fallback
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AmongScene:
+    """A skill at its target in a scene, as ``simulate`` runs it.
+
+    Attributes:
+        skill: It keeps out of what it can.
+        avoided: The bodies that it keeps out of, as the hand's point sees them.
+        others: The other bodies, with reasons.
+    """
+
+    skill: Skill
+    avoided: tuple[Body, ...]
+    others: tuple[tuple[Body, str], ...]
+
+
+def among_scene(skill: Skill, scenario: Scenario) -> AmongScene:
+    """Return a skill among what is in a scenario; nothing is planned or run.
+
+    Raises:
+        UsageError: There is nothing to keep out of, or the skill is not in three dimensions at scale 1.
+    """
+    model = arm_of(scenario)
+    placement = placements(skill, model, scenario)[0]
+    if scenario.target == "cup":
+        skill = retargeted(skill, placement.to_state(cup_middle(scenario)))
+    elif scenario.target is not None:
+        skill = retargeted(skill, scenario.target)
+    base_yaw = _base_yaw(skill, placement, scenario)
+    with silenced(1), ArmBody(model, base_yaw, shapes="none") as body:
+        kinematics = Kinematics(body, _hands(skill, placement, scenario)[0], base_yaw)
+        avoid = avoidance(scenario.changed(avoid=True), placement, kinematics)
+        if avoid is None:
+            raise UsageError("scene: there is nothing in it to keep out of.")
+        avoided, others = avoid.admitted(skill, np.zeros(3))
+        return AmongScene(avoid.applied(skill, np.zeros(3)), tuple(avoided), others)
 
 
 def arm_of(scenario: Scenario) -> ArmModel:
@@ -173,7 +213,7 @@ def _required(name: str, place: FloatArray, solution: Solution, scenario: Scenar
     if solution.accepted:
         return solution.joints
     (x, y, z), missed = place[:3], f"{1e3 * solution.residual:.0f} mm"
-    if len(place) > 3:
+    if len(place) > 3 or solution.residual < POSE_POSITION:  # the orientation is what is missing
         missed += f" and {math.degrees(solution.turn):.0f}°"
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(

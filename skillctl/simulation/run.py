@@ -14,7 +14,7 @@ from skillctl.simulation.arm import ArmBody, LiveArm
 from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import Perception, Schedule, last_end
-from skillctl.simulation.episode import Episode, Phase, RefusedError, Setup, measure
+from skillctl.simulation.episode import Episode, Outcome, Phase, RefusedError, Setup, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.ik import Kinematics, Solution
@@ -187,7 +187,8 @@ class _Run:
         for contact in contacts:
             if contact.thing != "cup":
                 when = f"{now - began:.1f} s into the {self._phase}"
-                return Verdict("shelf_contact", f"{contact.link} touched the {contact.thing} {when}")
+                outcome: Outcome = "bottle_contact" if contact.loose else "shelf_contact"
+                return Verdict(outcome, f"{contact.link} touched the {contact.thing} {when}")
         failure = self.judge.failure(self.motion, place, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
             return failure or self.judge.settled(self.motion, place, self.seen_off)

@@ -15,12 +15,6 @@ rules check it in all three cases. Its TOML form has the same names:
     position = [0.62, 0.10]
     board = "top"
 
-    [[obstacles]]
-    kind = "box"                 # or "cylinder" with radius and height, or "mesh" with file
-    name = "crate"
-    position = [0.5, -0.3, 0.1]
-    size = [0.2, 0.2, 0.2]
-
     [[disturbances]]
     kind = "move-target"
     time = 0.8
@@ -35,40 +29,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.options import Board, Control, HandPolicy, Plane
+from skillctl.simulation.values import (
+    Count,
+    Flag,
+    NotNegative,
+    Number,
+    Part,
+    Place,
+    Point,
+    Positive,
+    PositiveRange,
+    Range,
+    Seed,
+    Vector,
+)
 from skillctl.toml_files import complaint
 
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
-
-# Strict: 0.3 and 1 are numbers, "0.3" and true are not.
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-NotNegative: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
-Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
-Seed: TypeAlias = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
-Flag: TypeAlias = Annotated[bool, Field(strict=True)]
-Vector: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
-Point: TypeAlias = tuple[Number, Number, Number]
-Place: TypeAlias = tuple[Number, Number]
-Range: TypeAlias = tuple[Number, Number]
-PositiveRange: TypeAlias = tuple[Positive, Positive]
-
-
-class Part(BaseModel):
-    """A frozen part of a scenario, in which an unknown key is an error, so that misspelt ones are found."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> Part:
-        for name in type(self).model_fields:
-            if name.endswith("_range") and (ends := getattr(self, name)) is not None and ends[0] > ends[1]:
-                raise ValueError(f"{name}: the first number must not be above the second.")
-        return self
 
 
 class Shelf(Part):
@@ -128,7 +110,7 @@ class BoxObstacle(Part):
 
 
 class CylinderObstacle(Part):
-    """An upright cylinder; see ``BoxObstacle``."""
+    """An upright cylinder; see ``BoxObstacle``. With a ``mass`` [kg] it stands loose, as a bottle does."""
 
     kind: Literal["cylinder"] = "cylinder"
     name: str = "cylinder"
@@ -136,6 +118,7 @@ class CylinderObstacle(Part):
     yaw: Number = 0.0
     radius: Positive
     height: Positive
+    mass: Positive | None = None
 
 
 class MeshObstacle(Part):
@@ -185,8 +168,7 @@ class Grasp(Part):
     """The motion of the hand when it has reached the cup.
 
     Attributes:
-        distance: Distance from the grasp point at which the fingers begin to close, [m].
-        turn: Largest angle to the target's orientation at which they do, of a skill of poses, [rad].
+        distance, turn: Distance to the target [m], of a pose skill angle [rad], at which fingers close.
         force: Force of each finger, [N].
         speed: Speed of each finger, [m/s].
         close_time: Time from then to the lift, [s].
@@ -255,6 +237,7 @@ class Sampling(Part):
         start_scatter: Instead of these: standard deviation, [m], of a normal distribution around the start
             of one of the skill's demonstrations, which is drawn, too.
         mass_range, friction_range, radius_range: Ranges of the cup's properties.
+        bottles: Number of bottles that stand beside the cup, on its board (see ``clutter``).
     """
 
     cup_x_range: Range | None = None
@@ -267,6 +250,7 @@ class Sampling(Part):
     mass_range: PositiveRange | None = None
     friction_range: PositiveRange | None = None
     radius_range: PositiveRange | None = None
+    bottles: Count | None = None
 
     @model_validator(mode="after")
     def _starts_are_whole(self) -> Sampling:
@@ -300,9 +284,9 @@ class Scenario(Part):
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
-        max_turn, max_turn_acceleration: Those of a hand that turns as it was taught, [rad/s] and [rad/s²].
+        max_turn, max_turn_acceleration: Those of turning, of a pose skill, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
-        turn_tolerance: Angle to the target's orientation that counts as reached, of a skill of poses, [rad].
+        turn_tolerance: Angle to it that does, of a pose skill, [rad].
         settle_time: Time for which the hand must stay within the tolerance, [s].
         max_duration: Longest simulated time, [s]. None: by the duration of the plan.
         noise: Standard deviation of the measured position of the hand, per coordinate, [m].
@@ -316,6 +300,7 @@ class Scenario(Part):
         grasp: How the hand grasps and lifts.
         avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
             None: if the skill is in three dimensions at its own scale.
+        adapt: Whether the use cases choose a merged skill's weights for each episode (see ``adapt``).
         disturbances: Pushes and jumps, with their times.
         episodes: Number of episodes of a batch.
         sampling: Ranges from which these are drawn.
@@ -350,6 +335,7 @@ class Scenario(Part):
     cup: Cup | None = None
     grasp: Grasp = Grasp()
     avoid: Flag | None = None
+    adapt: Flag = False
     disturbances: tuple[Disturbance, ...] = ()
     sampling: Sampling = Sampling()
 

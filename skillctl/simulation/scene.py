@@ -8,7 +8,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.simulation.arm import ArmBody
-from skillctl.simulation.obstacles import add_obstacle
+from skillctl.simulation.obstacles import add_obstacle, mass_of
 from skillctl.simulation.options import Board
 from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 
@@ -73,10 +73,11 @@ def cup_middle(scenario: Scenario) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A link of the arm touches a part of the scene, or the cup."""
+    """A link of the arm touches a part of the scene, or the cup; ``loose``: an obstacle that can be moved."""
 
     link: str
     thing: str
+    loose: bool = False
 
 
 class SceneBodies:
@@ -86,8 +87,9 @@ class SceneBodies:
         """Args: the arm, in its world; the scenario."""
         self._arm = arm
         self._names = {self._add_box(box): box.name for box in boxes(scenario.scene)}
-        for obstacle in scenario.obstacles:
-            self._names[add_obstacle(arm.bullet, obstacle)] = obstacle.name
+        standing = {add_obstacle(arm.bullet, obstacle): obstacle for obstacle in scenario.obstacles}
+        self._names |= {body: obstacle.name for body, obstacle in standing.items()}
+        self._loose = {body for body, obstacle in standing.items() if mass_of(obstacle)}
         self.cup: int | None = None
         if scenario.cup is not None:
             self.cup = self._add_cup(scenario.cup, cup_middle(scenario))
@@ -114,7 +116,7 @@ class SceneBodies:
             return []
         points = self._arm.bullet.getContactPoints(bodyA=self._arm.body)
         return [
-            Contact(self._links[point[3]], self._names.get(point[2], "cup"))
+            Contact(self._links[point[3]], self._names.get(point[2], "cup"), point[2] in self._loose)
             for point in points
             if point[2] != self._arm.body and (point[9] > CONTACT_FORCE or point[8] < -CONTACT_DEPTH)
         ]

@@ -72,6 +72,7 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
         evidence=() if sampling is None else (_evidence(sampling, skill.space.unit),),
         sampling=sampling,
         digest=digest,
+        all_weights=scope == "global" and skill.kind == "merged",
     )
 
 
@@ -117,6 +118,10 @@ def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tu
                 f"From within {at_least(part.radius)} {unit} of its attractor part {part.part} alone acts, "
                 f"and every motion ends there."
             )
+    if scope == "global" and skill.kind == "merged":
+        sentences.append(
+            "The same is proved for all weights of its parts: all of their components contract under one P."
+        )
     return tuple(sentences)
 
 

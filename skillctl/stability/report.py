@@ -161,6 +161,8 @@ class Certificate:
         evidence: What sampling showed, in sentences.
         sampling: The numbers behind them, or None where a proof made sampling unnecessary.
         digest: Content digest of the artifact this holds for; None for a skill in memory.
+        all_weights: Whether the same is proved for all weights of a merged skill's parts, so that they may be
+            chosen at run time.
     """
 
     verdict: Verdict
@@ -174,6 +176,7 @@ class Certificate:
     evidence: tuple[str, ...]
     sampling: Sampling | None
     digest: str | None = None
+    all_weights: bool = False
 
 
 def at_least(value: float, digits: int = 3) -> str:

@@ -200,7 +200,7 @@ def _refuse_reserved(meta: Meta) -> None:
     command = meta.operation.command
     reserved = {
         "a chain of skills": meta.skill.kind == "chain",
-        f"the command {command}": command in {"adapt", "chain"},
+        f"the command {command}": command == "chain",
         **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
     }
     if used := [what for what, there in reserved.items() if there]:

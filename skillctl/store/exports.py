@@ -53,6 +53,11 @@ def seds_variables(skill: SedsSkill) -> dict[str, FloatArray]:
 
 
 def _mat(artifact: Artifact, leaf: SedsSkill) -> tuple[tuple[str, ...], bytes]:
+    if not leaf.space.flat:
+        raise UsageError(
+            "a .mat file holds a mixture that moves the state itself; this skill moves poses.",
+            hint="Write .json or .npz, or learn it again with --position-only.",
+        )
     if leaf.coordinates.links:
         raise UsageError(
             "a .mat file holds a mixture that moves the state itself; this skill has learned coordinates.",

@@ -8,7 +8,16 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from skillctl.store.errors import Refusal
 from skillctl.store.migrations import FORMAT_VERSION
-from skillctl.store.schema import Count, Meta, NotNegative, Operation, SedsNode, Strict, first_complaint
+from skillctl.store.schema import (
+    Count,
+    Meta,
+    NotNegative,
+    Operation,
+    Positive,
+    SedsNode,
+    Strict,
+    first_complaint,
+)
 
 LyapunovOrigin: TypeAlias = Literal["shared", "found", "refitted"]
 
@@ -35,6 +44,18 @@ class CombineResults(_Results):
     lyapunov: LyapunovOrigin | None = None
 
 
+class AdaptResults(_Results):
+    """What the search chose, how much faster than its parts it is, and the task with its margins."""
+
+    choice: str
+    speed: Positive
+    task: tuple[str, ...]
+    clauses: tuple[str, ...]
+    units: tuple[str, ...]
+    margins: tuple[float, ...]
+    bounds: tuple[float | None, ...]
+
+
 class HeldOutResults(Strict):
     """What ``learn --validate`` records, as a whole or not at all; see ``skillctl.evaluate.errors``."""
 
@@ -44,7 +65,11 @@ class HeldOutResults(Strict):
     held_out_arrived: Count
 
 
-_ALWAYS: dict[str, type[BaseModel]] = {"merge": MergeResults, "combine": CombineResults}
+_ALWAYS: dict[str, type[BaseModel]] = {
+    "merge": MergeResults,
+    "combine": CombineResults,
+    "adapt": AdaptResults,
+}
 
 
 def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:

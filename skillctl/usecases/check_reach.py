@@ -10,6 +10,7 @@ from skillctl.simulation.draws import chosen
 from skillctl.simulation.scenario import Scenario
 from skillctl.store import Lock
 from skillctl.store.source import open_skill
+from skillctl.usecases.simulate import adapting
 
 
 @dataclass(frozen=True)
@@ -52,4 +53,6 @@ def check_reach(
     source = open_skill(reference, store, lock)
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
-    return CheckReachReport(source.name, source.artifact.digest, check(source.skill, scenario))
+    adapt = adapting(scenario, source.skill)
+    skill = adapt(source.skill, scenario) if adapt else source.skill
+    return CheckReachReport(source.name, source.artifact.digest, check(skill, scenario))

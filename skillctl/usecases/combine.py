@@ -52,6 +52,7 @@ class CombineReport(MakeReport):
         coverage_before: The same before priors were calibrated; None if they were not calibrated now.
         lyapunov: Origin of the common Lyapunov matrix; None if the proof needs no common one.
         refits: Leaves learned again, if any.
+        targets: The attractors in the numbers in which targets are given; of poses with a quaternion.
     """
 
     parts: tuple[PartSummary, ...]
@@ -64,6 +65,7 @@ class CombineReport(MakeReport):
     coverage_before: tuple[PartCoverage, ...] | None
     lyapunov: LyapunovOrigin | None
     refits: tuple[Refit, ...] = ()
+    targets: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +206,7 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
         coverage_before=details.before if details else None,
         lyapunov=cast("LyapunovOrigin | None", artifact.operation.results.get("lyapunov")),
         refits=together.refits if together else (),
+        targets=tuple(map(combined.space.given, combined.part_attractors)),
     )
 
 

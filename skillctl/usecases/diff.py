@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from skillctl.compose.parts import in_one_space
 from skillctl.errors import UsageError
 from skillctl.evaluate.comparison import (
     Behaviour,
@@ -97,7 +98,7 @@ def diff(
     if not (atol >= 0 and rtol >= 0):
         raise UsageError("--atol and --rtol: must not be negative.")
     sources = [open_skill(reference, store, lock) for reference in (first, second)]
-    a, b = (source.skill for source in sources)
+    a, b = in_one_space([source.skill for source in sources])
     certificates = (certify(a), certify(b))
     agree = proofs_agree(*certificates, atol, rtol)
     taught = [motion for source in sources for motion in source.artifact.taught]

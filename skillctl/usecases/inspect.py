@@ -8,9 +8,13 @@ from pathlib import Path
 
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
+from skillctl.model.coordinates.chain import Chain, Link, OnPosition
 from skillctl.model.coordinates.shears import Shears
 from skillctl.model.joint import JointMixture, joint_mixture
+from skillctl.model.pose import Pose
 from skillctl.model.skill import Kind, Skill
+from skillctl.model.space import Space
+from skillctl.rotations import roll_pitch_yaw
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Artifact, DemonstrationReport, Lock, Operation, Provenance
@@ -30,6 +34,9 @@ class Leaf:
         joint_mixture: The same as a mixture over positions and velocities, in its coordinates.
         shears: How many shears its coordinates have; none if it moves the state itself.
         demonstrations: Number of embedded demonstrations.
+        target: The attractor in the numbers in which a target is given: a pose as x, y, z, qx, qy, qz, qw.
+        roll_pitch_yaw: Its orientation as angles about the fixed axes x, then y, then z, [rad]; None if it
+            has none.
     """
 
     leaf: int
@@ -42,6 +49,8 @@ class Leaf:
     joint_mixture: JointMixture
     shears: int
     demonstrations: int
+    target: tuple[float, ...]
+    roll_pitch_yaw: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -75,12 +84,22 @@ class StateMeaning:
         unit: Unit of a position, ``m`` or ``rad``; velocities are per second.
         frame: Frame in which positions are given.
         kind: Which space of states it is.
+        units: Unit of each coordinate.
+        length: ℓ of poses, how far apart in metres counts as far as one radian, [m/rad]; None of others.
     """
 
     names: tuple[str, ...]
     unit: str
     frame: str
     kind: str
+    units: tuple[str, ...]
+    length: float | None
+
+    @classmethod
+    def of(cls, space: Space) -> StateMeaning:
+        """Return what a space says of a state."""
+        length = space.length if isinstance(space, Pose) else None
+        return cls(space.names, space.unit, space.frame, space.kind, space.units, length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +147,14 @@ def inspect(
         reference: File, or name of the store.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
-        position: Also report what the skill does at this position, (d,).
+        position: Also report what the skill does at this position, given as a target is.
 
     Raises:
         NotFoundError, ArtifactError: The reference leads to no intact skill.
         UsageError: A position of another dimension, or not finite.
     """
     source = open_skill(reference, store, lock)
-    artifact, skill, space = source.artifact, source.skill, source.skill.space
+    artifact, skill = source.artifact, source.skill
     tree = _node(skill, 1.0)
     certificate = certify(skill, digest=artifact.digest)
     return InspectReport(
@@ -143,7 +162,7 @@ def inspect(
         path=source.located.path,
         digest=artifact.digest,
         kind=tree.kind,
-        space=StateMeaning(space.names, space.unit, space.frame, space.kind),
+        space=StateMeaning.of(skill.space),
         tree=tree,
         leaves=_leaves(artifact),
         certificate=certificate,
@@ -168,6 +187,11 @@ def _node(skill: Skill, share: float) -> Node:
     )
 
 
+def _bent(coordinates: Chain) -> tuple[Link, ...]:
+    """Return the links of coordinates, those of positions alone as what they do to these."""
+    return tuple(link.link if isinstance(link, OnPosition) else link for link in coordinates.links)
+
+
 def _leaves(artifact: Artifact) -> tuple[Leaf, ...]:
     members = enumerate(artifact.skill.parts or (artifact.skill,), start=1)
     owned = [(part, leaf) for part, member in members for leaf in member.leaves]
@@ -181,10 +205,13 @@ def _leaves(artifact: Artifact) -> tuple[Leaf, ...]:
             lyapunov=leaf.lyapunov,
             system_matrices=leaf.system_matrices,
             joint_mixture=joint_mixture(leaf),
-            shears=sum(len(link.directions) for link in leaf.coordinates.links if isinstance(link, Shears)),
+            shears=sum(len(link.directions) for link in _bent(leaf.coordinates) if isinstance(link, Shears)),
             demonstrations=0 if taught is None else len(taught),
+            target=leaf.space.given(leaf.attractor),
+            roll_pitch_yaw=None if turns is None else roll_pitch_yaw(turns),
         )
         for number, ((part, leaf), taught) in enumerate(
             zip(owned, artifact.demonstrations, strict=True), start=1
         )
+        for turns in [leaf.space.turns(leaf.attractor)]
     )

@@ -76,6 +76,7 @@ class LearnReport(MakeReport):
             older artifact does not say.
         stages: How each stage of learning ended, in words.
         held_out: Errors on demonstrations left out, if they were asked for.
+        target: The attractor in the numbers in which a target is given; of poses with a quaternion.
     """
 
     n_components: int
@@ -86,6 +87,7 @@ class LearnReport(MakeReport):
     converged: bool | None
     stages: tuple[str, ...]
     held_out: HeldOut | None
+    target: tuple[float, ...]
 
 
 def learn(
@@ -215,6 +217,7 @@ def finish(request: LearnRequest, learned: Learned) -> LearnReport:
         converged=cast("bool | None", results.get("converged")),
         stages=cast("tuple[str, ...]", results.get("stages", ())),
         held_out=HeldOut.recorded(results),
+        target=skill.space.given(skill.attractors[0]),
     )
 
 

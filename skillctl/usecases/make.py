@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from skillctl.compose.parts import notes_on
 from skillctl.demonstrations.formats import digest_of
 from skillctl.errors import FitError
+from skillctl.evaluate.errors import report_errors
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.stability.certificate import certify
@@ -205,6 +206,17 @@ def child_artifact(
     demonstrations = carried_demonstrations(sources, child.leaves, turn=turn)
     provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
     return Artifact(child, demonstrations, operation, provenance, tuple(reports))
+
+
+def reports_on(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
+    """Return reports on how the leaves of an artifact repeat their demonstrations now."""
+    pairs = zip(artifact.skill.leaves, artifact.demonstrations, strict=True)
+    return tuple(
+        report
+        for number, (leaf, motions) in enumerate(pairs)
+        if motions is not None
+        for report in report_errors(leaf, motions, number)
+    )
 
 
 def write_child(

@@ -10,12 +10,13 @@ from typing import Any, cast
 
 from skillctl.adapt.candidates import Candidates, candidates_from_store, require_same_space
 from skillctl.adapt.options import TaskOptions
+from skillctl.adapt.pace import PERIOD, paced
 from skillctl.adapt.task import FittedMerger, TaskErrors, fit_to_task
 from skillctl.adapt.together import Refit, Together, prepared, prove_together
 from skillctl.compose.options import MergeOptions
 from skillctl.demonstrations.faults import Fault, told
 from skillctl.errors import UsageError
-from skillctl.evaluate.errors import report_errors, strays
+from skillctl.evaluate.errors import strays
 from skillctl.model.coordinates.chain import IDENTITY
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
@@ -36,10 +37,13 @@ from skillctl.usecases.make import (
     child_artifact,
     make,
     parents_of,
+    reports_on,
     require_stable,
     write_child,
 )
 
+ANGLES = "the errors count angles by the characteristic length of the skills."
+LATE = 1.05  # times as long as demonstrated: a later merger has a note
 STRAY = (
     0.05  # of the extent; skills are within 1 or 2 % of what they were taught, mixtures of two ways 5 to 30 %
 )
@@ -75,6 +79,7 @@ class MergeReport(MakeReport):
         lyapunov: Origin of the common Lyapunov matrix; see ``skillctl.adapt.together.Together``.
         refits: Leaves that were learned again, if any.
         task: How it was fitted to a task; None if it was not, or was up to date.
+        target: The attractor in the numbers in which a target is given; of poses with a quaternion.
     """
 
     parts: tuple[PartSummary, ...]
@@ -86,6 +91,7 @@ class MergeReport(MakeReport):
     lyapunov: LyapunovOrigin
     refits: tuple[Refit, ...] = ()
     task: TaskReport | None = None
+    target: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,16 +163,46 @@ def _merged(
 
     def build() -> tuple[Artifact, Certificate, _Details]:
         _try(options, sources)
-        together = prove_together(
-            prepared(sources, options), options.merge, speed=options.speed, refit=refit, progress=progress
-        )
+        given = options.speed or 1.0
+        ready = prepared(sources, options)
+        together = prove_together(ready, options.merge, speed=given, refit=refit, progress=progress)
         merged = options.merge(together.parts, together.lyapunov)
+        merged, notes = _paced(merged, ready) if options.speed is None else (merged, [])
         certificate = require_stable(certify(merged))
         done = operation.model_copy(update={"results": together.results})
         artifact = child_artifact(merged, sources, done, together.reports, turn=options.turn)
-        return artifact, certificate, _Details(together, notes=_follows_none(artifact))
+        return artifact, certificate, _Details(together, notes=(*notes, *_follows_none(artifact)))
 
     return make(request, operation, build, parents=parents_of(sources), fits=partial(_fits, sources))
+
+
+def _paced(merged: MergedSkill, sources: Sequence[Source]) -> tuple[MergedSkill, list[str]]:
+    """Return a merger as fast as its parts were demonstrated, and sentences for the user.
+
+    It stays proved for the controller period that the parts were learned for, where they are proved for it.
+    """
+    shown, shares = [], []
+    for share, source in zip(merged.shares.tolist(), sources, strict=True):
+        motions = tuple(motion for leaf in source.artifact.demonstrations for motion in leaf or ())
+        if motions:
+            shown.append(DemonstrationSet(motions, merged.space))
+            shares.append(share)
+    if not shown:
+        return merged, ["no skill carries demonstrations that would tell how fast to move."]
+    learned = [source.artifact.operation.options.get("period") for source in sources]
+    period = max([PERIOD, *(each for each in learned if isinstance(each, float))])
+    found = paced(merged, shown, shares, period=period)
+    return found.skill, _lateness(found.late)
+
+
+def _lateness(late: float) -> list[str]:
+    """Return a sentence if the motions of a merger take ``late`` times as long as demonstrated."""
+    if late < LATE:
+        return []
+    return [
+        f"its motions take {late:.2g} times as long as the demonstrations: faster ones would not be proved "
+        "for the controller period that its parts are proved for."
+    ]
 
 
 def _fitted(
@@ -206,13 +242,15 @@ def _fitted(
         used = [sources[index] for index in fitted.used]
         artifact = child_artifact(fitted.skill, used, done, _carried_reports(fitted, together), inputs)
         if fitted.choice == "per component":  # the leaves move differently than before
-            artifact = replace(artifact, reports=_new_reports(artifact))
+            artifact = replace(artifact, reports=reports_on(artifact))
         report = TaskReport(
             fitted.choice, len(demonstrations), len(found.digests), fitted.errors, fitted.held_out
         )
         idle = [source.name for i, source in enumerate(sources) if i not in fitted.used]
         left_out = [f"{', '.join(idle)}: no weight, left out."] if idle else []
-        return artifact, certificate, _Details(together, report, (*read.notes, *found.notes, *left_out))
+        angles = [] if fitted.skill.space.flat else [ANGLES]
+        notes = (*read.notes, *found.notes, *left_out, *_lateness(fitted.late), *angles)
+        return artifact, certificate, _Details(together, report, notes)
 
     fits = partial(_fits, sources)
     return make(request, operation, build, inputs=task.demonstrations, parents=None, fits=fits), sources
@@ -271,6 +309,7 @@ def _report(request: Request, made: Made[_Details], sources: Sequence[Source]) -
         lyapunov=cast("LyapunovOrigin", artifact.operation.results["lyapunov"]),
         refits=details.together.refits if details else (),
         task=details.task if details else None,
+        target=skill.space.given(skill.attractors[0]),
     )
 
 
@@ -293,7 +332,7 @@ def _require_free_weights(options: MergeOptions) -> None:
         (options.part_weights is not None, "weights"),
         (options.gate != "superposition", "gate"),
         *((True, name) for name in options.parameters),
-        (options.speed != 1, "speed"),
+        (options.speed is not None, "speed"),
     ):
         if given:
             raise UsageError(
@@ -312,17 +351,6 @@ def _carried_reports(fitted: FittedMerger, together: Together) -> list[Demonstra
         for report in sorted(together.reports, key=lambda report: report.leaf)
         if report.leaf in kept
     ]
-
-
-def _new_reports(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
-    """Return reports on how the leaves of an artifact repeat their demonstrations now."""
-    pairs = zip(artifact.skill.leaves, artifact.demonstrations, strict=True)
-    return tuple(
-        report
-        for number, (leaf, motions) in enumerate(pairs)
-        if motions is not None
-        for report in report_errors(leaf, motions, number)
-    )
 
 
 def _results(fitted: FittedMerger, together: Together, faults: Sequence[Fault]) -> dict[str, Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
-from skillctl.errors import StoreError
+from skillctl.adapt.picture import task_picture
+from skillctl.adapt.task_file import recorded_task
+from skillctl.errors import StoreError, UsageError
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.plotting.fit import draw_fit
@@ -16,11 +18,14 @@ from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
 from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
+from skillctl.plotting.task import draw_task
+from skillctl.stability.parts import least
 from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
 from skillctl.store.source import Source
 
 if TYPE_CHECKING:  # both import the learner, which most pictures do not need
+    from skillctl.adapt.asked import AskedTask
     from skillctl.evaluate.left_out import LeftOut
     from skillctl.usecases.verify_stability import VerifyReport
 
@@ -115,6 +120,21 @@ def reopened(path: Path, digest: str | None) -> Artifact:
     return artifact
 
 
+def picture_task(asked: AskedTask, skill: Skill, path: Path) -> None:
+    """Draw a task and the motions of a skill from starts all over its start box.
+
+    Args:
+        asked: The task.
+        skill: Whose motions are drawn.
+        path: The file; its suffix decides the format.
+
+    Raises:
+        UsageError: No such format, or neither two nor three coordinates.
+        StoreError: The picture cannot be written.
+    """
+    _write(path, draw_task(task_picture(asked.task, skill, shown=asked.shown, like=asked.like)))
+
+
 def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list[Picture]:
     """Return all pictures of a skill: the skill, its fit if it was learned, its certificate.
 
@@ -127,6 +147,8 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
     figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
     if len(skill.leaves) == 1 and portrait.demonstrations:
         figures.append(("What it learned", _fit_figure(name, artifact, ())))
+    if artifact.operation.command == "adapt":
+        figures += [("The task", figure) for figure in _task_figures(artifact)]
     figures.append(("What is proved", draw_proofs([(portrait, bounds_of(certificate))])))
     return [Picture(title, encode(figure, "svg")) for title, figure in figures]
 
@@ -149,14 +171,29 @@ def bounds_of(certificate: Certificate) -> Bounds:
         words = f"{words}, decay rate at least {at_least(certificate.rate)} 1/s from everywhere"
     return Bounds(
         verdict=words,
-        rate=certificate.rate if everywhere else None,
+        rates=_rates(certificate) if everywhere else (None, None),  # of as many blocks as there may be
         radii=tuple(part.radius for part in certificate.parts),
         witness=certificate.sampling.witness if certificate.sampling else None,
     )
 
 
+def _rates(certificate: Certificate) -> tuple[float | None, ...]:
+    """Return the proved rate of all parts: one, or those of position and orientation apart."""
+    blocks = zip(*(part.blocks for part in certificate.parts), strict=True)
+    return tuple(least([block.rate for block in each]) for each in blocks) or (certificate.rate,)
+
+
 def _write(path: Path, figure: Drawing) -> None:
     write_file(path, encode(figure, require_picture(path)))
+
+
+def _task_figures(artifact: Artifact) -> list[Drawing]:
+    """Return the figure of the task that a skill was adapted to; none of one that cannot be drawn."""
+    lines = cast("Sequence[str]", artifact.operation.results["task"])
+    try:
+        return [draw_task(task_picture(recorded_task(lines), artifact.skill))]
+    except (ValueError, UsageError):  # it is what a file says: anything
+        return []
 
 
 def _portrait(name: str, artifact: Artifact) -> Portrait:

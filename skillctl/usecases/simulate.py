@@ -8,11 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skillctl.errors import require_directory
+from skillctl.adapt.asked import AskedTask
+from skillctl.adapt.report import TaskVerdict
+from skillctl.errors import UsageError, require_directory
+from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
+from skillctl.simulation.batch import Adapt
 from skillctl.simulation.draws import chosen
-from skillctl.simulation.episode import Episode, Metrics, Outcome, Unit
+from skillctl.simulation.episode import PHASES, Episode, Metrics, Outcome, Unit
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
@@ -21,6 +25,10 @@ from skillctl.stability.certificate import certify
 from skillctl.stability.report import least_frequency
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
+
+TASK_ROWS = (
+    12  # between two measured places that a task is judged by: 50 ms, in which jitter has no direction
+)
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,7 @@ class SimulateReport:
         plane, scale, origin: The placement: workspace = origin [m] + scale · coordinates.
         target: Workspace position of the target, [m]; its joints for a skill that moves joints.
         target_turn: Orientation q_xyzw of the target of a pose skill.
+        task: How the measured motion, until a lift begins, does the task; None if none was given.
         unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
@@ -69,6 +78,7 @@ class SimulateReport:
     held: dict[str, float]
     unit: Unit
     target_turn: tuple[float, ...] | None = None
+    task: TaskVerdict | None = None
 
 
 def simulate(
@@ -81,6 +91,7 @@ def simulate(
     picture: Path | None = None,
     video: Path | None = None,
     gui: bool = False,
+    task: Path | None = None,
     store: str | Path | None = None,
     lock: Lock | None = None,
     progress: Progress | None = None,
@@ -97,6 +108,7 @@ def simulate(
         picture: File for a contact sheet, PNG.
         video: File for a film, ``.gif`` or ``.mp4``.
         gui: Show the episode in a window, in real time.
+        task: A task file: the episode is a success only if its motion fulfils every clause, too.
         store: The store of names; default as on the command line.
         lock: Allow only skills that it names.
         progress: Called with a stage, and how much of it is done: milliseconds of motion, or frames.
@@ -107,20 +119,24 @@ def simulate(
         GoalNotReachedError: Start or target is out of the arm's reach.
     """
     source = open_skill(reference, store, lock)
+    asked = None if task is None else AskedTask.read(task, store, lock)
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
     files = _files(source.name, log, picture, video, progress)
-    result = run_episode(source.skill, scenario, progress=progress, gui=gui)
+    adapt = adapting(scenario, source.skill)
+    skill = adapt(source.skill, scenario) if adapt else source.skill
+    result = run_episode(skill, scenario, progress=progress, gui=gui)
     for path, encode in files:
         if progress is not None:
             progress("drawing", 0, 1)
         write_file(path, encode(result))
     setup, placement = result.setup, result.setup.placement
+    judged = None if asked is None else _judged(asked, result)
     return SimulateReport(
         skill=source.name,
         digest=source.artifact.digest,
         outcome=result.outcome,
-        success=result.success,
+        success=result.success and (judged is None or judged.holds),
         detail=result.detail,
         scenario=scenario.model_dump(),
         arm=setup.arm.name,
@@ -140,7 +156,23 @@ def simulate(
         held=dict(setup.arm.held),
         unit=setup.unit,
         target_turn=tuple(result.series.target_turns[-1].tolist()) if setup.turns else None,
+        task=judged,
     )
+
+
+def _judged(asked: AskedTask, episode: Episode) -> TaskVerdict:
+    """Return whether the measured motion of the hand, until it lifts something, does a task.
+
+    Raises:
+        UsageError: The skill moves joints.
+    """
+    setup, series = episode.setup, episode.series
+    if setup.joint_plan is not None:
+        raise UsageError("task: it is about places of the hand; this skill moves joints.")
+    moved = series.hand[series.phases < PHASES.index("lift")]
+    states = setup.placement.to_state(moved[::TASK_ROWS])
+    step = TASK_ROWS * float(series.times[1] - series.times[0])
+    return asked.judged_path(setup.skill, states, step)
 
 
 def _files(
@@ -163,6 +195,20 @@ def _files(
 
         files.append((video, partial(encode_video, kind=film_format(video.name), progress=progress)))
     return files
+
+
+def adapting(scenario: Scenario, skill: Skill) -> Adapt | None:
+    """Return what adapts a skill to an episode, None if the scenario does not ask for it.
+
+    Raises:
+        UsageError: It does, and the weights of this skill cannot be chosen.
+    """
+    if not scenario.adapt:
+        return None
+    from skillctl.adapt.per_target import adapted, require_merged  # late: most runs do not adapt
+
+    require_merged(skill)
+    return adapted
 
 
 def proof_notes(source: Source, control: str) -> tuple[str, ...]:

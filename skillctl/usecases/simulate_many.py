@@ -18,7 +18,7 @@ from skillctl.simulation.scenario import Sampling, Scenario
 from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
-from skillctl.usecases.simulate import proof_notes, require_directories
+from skillctl.usecases.simulate import adapting, proof_notes, require_directories
 from skillctl.workers import Workers
 
 
@@ -129,7 +129,8 @@ def simulate_many(
     load_bullet()  # before any process is started, so that the user learns at once that it is missing
     began = time.perf_counter()
     batch, starts = batch_of(source.skill, source.artifact.demonstrations, scenario)
-    rows = run_batch(source.skill, batch, starts, workers=workers, progress=progress)
+    adapt = adapting(batch, source.skill)
+    rows = run_batch(source.skill, batch, starts, adapt=adapt, workers=workers, progress=progress)
     report = _report(source, batch, rows, min_success, time.perf_counter() - began, table, overview)
     if table is not None:
         write_file(table, encode_rows(rows))

@@ -6,14 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from skillctl.adapt.report import TaskVerdict
 from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
+from skillctl.simulation.prepare import among_scene
+from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.scenario_file import read_scenario
 from skillctl.stability.certificate import certify
+from skillctl.stability.clearance import Clearance, clearance
 from skillctl.stability.reach import Reach, bound_reach
 from skillctl.stability.report import Certificate
 from skillctl.stability.requirements import DEMOS, Requirements
@@ -22,6 +27,9 @@ from skillctl.store.signing import SignatureState
 from skillctl.store.source import Source, open_skill
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
+
+if TYPE_CHECKING:
+    from skillctl.adapt.asked import AskedTask
 
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
@@ -39,10 +47,12 @@ class SkillVerdict:
         outcome: ``proved``: everything that is required. ``not proved``: something is not, or is refuted.
             ``inconclusive``: neither a proof nor a witness for the required scope. ``not signed``: nothing is
             refuted, but the required signature is not valid. ``unreadable``: see ``error``.
-        unmet: The requirements that are not met, in sentences.
+        unmet: The requirements that are not met, and the clauses of the task that fail, in sentences.
         signature: State of the required signature; None if none is required.
         reach: Where its motions from the start box go, and when they arrive; None if no box was given, or if
             nothing is proved of them.
+        clearance: Which bodies of the scene its hand is proved clear of; None if no scene was given.
+        task: How it does the task; None if no task was given.
     """
 
     skill: str
@@ -54,6 +64,8 @@ class SkillVerdict:
     unmet: tuple[str, ...] = ()
     signature: SignatureState | None = None
     reach: Reach | None = None
+    clearance: Clearance | None = None
+    task: TaskVerdict | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +82,8 @@ def verify_stability(
     store: str | Path | None = None,
     lock: Lock | None = None,
     required: Requirements | None = None,
+    scene: Path | None = None,
+    task: Path | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> VerifyReport:
@@ -80,12 +94,16 @@ def verify_stability(
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
+        scene: A scenario file: of which of its bodies is the hand proved clear?
+        task: A task file; every skill has to do the task as it is, by all motions that are followed.
         workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
 
     Raises:
         NotFoundError: There is no such cluster.
-        UsageError: A box of another dimension than a skill, or ``demos`` for a skill without demonstrations.
+        UsageError: A box of another dimension than a skill, ``demos`` for a skill without demonstrations, or
+            a skill that a scene means nothing to.
+        InputDataError: The scenario file cannot be used.
     """
     required = required or Requirements()
     named, finished = [str(reference) for reference in references], 0
@@ -100,8 +118,14 @@ def verify_stability(
     workers = workers or Workers()
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
-    task = partial(_verdict, store=place, lock=lock, required=required)
-    verdicts = workers.run(task, named, done=done)
+    scenario = None if scene is None else read_scenario(scene)
+    asked = None
+    if task is not None:
+        from skillctl.adapt.asked import AskedTask  # late: it reads demonstrations, and scenes
+
+        asked = AskedTask.read(task, place, lock)
+    work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
+    verdicts = workers.run(work, named, done=done)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict
@@ -136,7 +160,12 @@ def _died(reference: str) -> SkillVerdict:
 
 
 def _verdict(
-    reference: str, store: str | Path | None, lock: Lock | None, required: Requirements
+    reference: str,
+    store: str | Path | None,
+    lock: Lock | None,
+    required: Requirements,
+    scenario: Scenario | None,
+    asked: AskedTask | None,
 ) -> SkillVerdict:
     try:
         source = open_skill(reference, store, lock)
@@ -147,6 +176,8 @@ def _verdict(
     certificate = certify(source.skill, digest=digest)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
+    task = None if asked is None else asked.judged(source.skill, certificate)
+    unmet = (*unmet, *(() if task is None else task.failures))
     outcome: Outcome = "proved"
     if unmet:
         unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
@@ -156,11 +187,27 @@ def _verdict(
         outcome = "not proved" if outcome == "not proved" else "not signed"
     state = None if signed is None else signed.state
     path = source.located.path
-    return SkillVerdict(source.name, path, digest, certificate, None, outcome, unmet, state, reach)
+    clear = None if scenario is None else _clearance(source, scenario, required)
+    return SkillVerdict(
+        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task
+    )
 
 
-def _reach(source: Source, certificate: Certificate, required: Requirements) -> Reach | None:
-    """Return the bounds of motions from the required start box, if there is one and they are proved."""
+def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:
+    """Return which bodies of a scene the hand of a skill, moved to the scene's target, is proved clear of."""
+    among = among_scene(source.skill, scenario)
+    reach = _reach(source, certify(among.skill), required, among.skill)
+    return clearance(among.skill, among.avoided, among.others, reach)
+
+
+def _reach(
+    source: Source, certificate: Certificate, required: Requirements, skill: Skill | None = None
+) -> Reach | None:
+    """Return the bounds of motions from the required start box, if there is one and they are proved.
+
+    They are those of the skill itself, or of what has become of it in a scene.
+    """
+    skill = source.skill if skill is None else skill
     space = source.skill.space
     names = space.names[: space.positions]
     for option, ranges in (("start-box", required.start_box), ("stay-in", required.stay_in)):
@@ -178,6 +225,6 @@ def _reach(source: Source, certificate: Certificate, required: Requirements) -> 
                 f"start-box: {source.name} carries no demonstrations.",
                 hint="Give the ranges of its coordinates.",
             )
-        return bound_reach(source.skill, certificate, *box(starts[:, : len(names)]), period=required.period)
+        return bound_reach(skill, certificate, *box(starts[:, : len(names)]), period=required.period)
     low, high = zip(*required.start_box, strict=True)
-    return bound_reach(source.skill, certificate, low, high, period=required.period)
+    return bound_reach(skill, certificate, low, high, period=required.period)

@@ -9,8 +9,9 @@ import pytest
 
 from skillctl.adapt import follow as module
 from skillctl.adapt import task as task_module
-from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, scaled_components, slowed
-from skillctl.adapt.task import fit_to_task, task_distances, timed
+from skillctl.adapt.follow import PERIOD, RATE_SHARE, follow, scaled_components
+from skillctl.adapt.pace import paced, slowed
+from skillctl.adapt.task import fit_to_task, task_distances
 from skillctl.adapt.weights import WeightedMerger
 from skillctl.compose.merge import merge as merge_skills
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
@@ -81,7 +82,7 @@ def test_a_path_is_followed_at_the_speed_it_was_shown(parts):
 @pytest.mark.parametrize("speed", [0.3, 2.5])
 def test_a_merger_takes_as_long_as_the_demonstrations(parts, speed):
     truth = merge_skills(parts, part_weights=[1, 3, 2], speed=0.8)
-    found = timed(replace(truth, speed=speed), motions_of(truth))
+    found = paced(replace(truth, speed=speed), [motions_of(truth)]).skill
     # A time is read off to a step, of which there are at least 200 in a demonstration.
     assert found.speed == pytest.approx(0.8, rel=0.02)
     assert found.part_weights.tolist() == truth.part_weights.tolist()
@@ -90,8 +91,9 @@ def test_a_merger_takes_as_long_as_the_demonstrations(parts, speed):
 def test_a_merger_is_not_hurried_beyond_its_controller_period(parts):
     truth = merge_skills(parts)
     hasty = motions_of(truth, hurry=1e3)
-    found = timed(truth, hasty)
-    assert contraction_period(found) >= min(PERIOD, *(contraction_period(part) for part in parts))
+    found = paced(truth, [hasty])
+    assert found.late > 1
+    assert contraction_period(found.skill) >= min(PERIOD, *(contraction_period(part) for part in parts))
 
 
 def test_a_part_with_next_to_no_influence_is_left_out(parts):

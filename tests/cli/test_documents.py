@@ -36,6 +36,9 @@ RUNS = [
     ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),
     ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),  # up to date
     ("combine", "combine curve hook -o HERE/i.h5 --store LIBRARY --gate instantaneous", 0),
+    ("adapt", "adapt HERE/task.toml curve hook -o HERE/t.h5 --store LIBRARY", 0),
+    ("adapt", "adapt HERE/task.toml curve hook -o HERE/t.h5 --store LIBRARY", 0),  # up to date
+    ("adapt", "adapt HERE/far.toml curve hook -o HERE/u.h5 --store LIBRARY", 1),
     ("inspect", "inspect HERE/m.h5", 0),
     ("inspect", "inspect HERE/c.h5 --at 0.1,0", 0),
     ("inspect", "inspect HERE/m.h5 --lineage --store LIBRARY", 0),
@@ -111,6 +114,9 @@ def documents(library, curve_files, tmp_path_factory, save_with_matrix):
     save_with_matrix("curve", 0, np.eye(2), here / "unstable.h5")
     shutil.copytree(library, here / "signed")
     (here / "batch").mkdir()
+    task = "[target]\nposition = [0, 0.0]\n[start]\nlow = [0.2, 0.1]\nhigh = [0.21, 0.1]\n"
+    (here / "task.toml").write_text(task)
+    (here / "far.toml").write_text(f"{task}[[via]]\npoint = [5, 5.0]\nwithin = 0.1\n")
     (here / "many.toml").write_text(
         "[options]\npreset = 'fast'\ncomponents = 2\n"
         f"[[skills]]\nname = 'a'\ndata = {[str(file) for file in curve_files]}\n"

@@ -156,7 +156,10 @@ def test_the_characteristic_length_is_a_unit(make_pose_skill):
         assert np.allclose(after.velocity(states), before.velocity(states), **CLOSE)
         assert (after.system_matrices == before.system_matrices).all()
         assert certify(after).rate == certify(before).rate
-        volume = 3 * np.log(after.space.length / before.space.length)
+        ratio = after.space.length / before.space.length
+        residual, unit = before.residual_covariances, np.array([1.0] * 3 + [ratio] * 3)
+        assert np.allclose(after.residual_covariances, unit[:, None] * residual * unit, rtol=1e-14, atol=0)
+        volume = 3 * np.log(ratio)
         expected = before.density.log_density(before.charted(states)) - volume
         assert np.allclose(after.density.log_density(after.charted(states)), expected, **CLOSE)
     same = in_one_space([short, short])

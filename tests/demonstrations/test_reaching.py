@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skillctl.demonstrations import reaching
 from skillctl.demonstrations.reaching import (
@@ -47,6 +48,38 @@ def test_reaches_end_at_the_cup_after_ten_straight_centimetres(place: str, manne
         # A finger's breadth is 20 mm; 3 mm off the line is straight.
         assert np.abs(entry[:, 1:] - target[1:]).max() < 0.003
         assert (np.diff(entry[:, 0]) >= 0).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_turned_hand_points_from_the_shoulder_to_the_cup_and_moves_so(place: str) -> None:
+    target = target_of(place)
+    direction = np.array([target[0], target[1], 0.0]) / np.hypot(target[0], target[1])
+    for demonstration in reaching_demonstrations(place, 10, seed=1, turned=True):
+        x, turns = np.split(np.array(demonstration.positions), [3], axis=1)
+        assert np.abs(x[-1] - target).max() <= ROUNDING
+        axes = Rotation.from_rotvec(turns).as_matrix()
+        assert axes[-1, :, 2] == pytest.approx(direction * np.cos(0.25) - [0, 0, np.sin(0.25)], abs=1e-12)
+        assert axes[-1, 2, 1] == pytest.approx(0, abs=1e-12)  # the fingers are level
+        assert np.abs(np.arctan2(axes[0, 1, 2], axes[0, 0, 2])) <= 0.10  # it began straight ahead
+        entry = (x - target)[(x - target) @ direction >= -0.1]
+        assert np.abs(entry - np.outer(entry @ direction, direction)).max() < 0.003  # as for other reaches
+        still = Rotation.from_matrix(axes[-len(entry) :]) * Rotation.from_matrix(axes[-1]).inv()
+        assert still.magnitude().max() < np.radians(1.0)  # it is turned before it moves in
+        near = x[:, 0] > 0.5 - 0.03  # boards begin at 0.50
+        for bottom, top in ((0.40, 0.42), (0.68, 0.70)):
+            assert not (near & (x[:, 2] > bottom - 0.03) & (x[:, 2] < top + 0.03)).any()
+
+
+def test_poses_are_written_and_read_back(tmp_path: Path) -> None:
+    reaches = reaching_demonstrations("bottom-left", 1, turned=True)
+    (demonstration,) = reaches
+    write_csv(demonstration, tmp_path / "reach.csv", reaches.space)
+    (read,) = read_demonstrations([tmp_path / "reach.csv"]).demonstrations
+    assert (read.positions[:, :3] == demonstration.positions[:, :3]).all()
+    turns = [Rotation.from_rotvec(np.array(each.positions[:, 3:])) for each in (read, demonstration)]
+    assert (
+        turns[0] * turns[1].inv()
+    ).magnitude().max() < 2 * 2 * ROUNDING  # of four numbers; twice half the angle
 
 
 @pytest.mark.parametrize("starts", [STARTS, LOW_STARTS])

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skillctl.errors import InputDataError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.pose import Pose
 from skillctl.model.space import Euclidean
 
 TIMES = np.linspace(0, 2, 201)
@@ -63,3 +65,24 @@ def test_names_of_a_cartesian_space():
     assert Euclidean.cartesian(3).names == ("x", "y", "z")
     assert Euclidean.cartesian(7).names[-1] == "q7"
     assert Euclidean.cartesian(2).dimension == 2
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_motions_of_poses_move_with_their_target(turn):
+    """With ``turn`` as one body; without, their positions are only moved. By SciPy's rotations."""
+    space, rng = Pose(length=0.2), np.random.default_rng(0)
+    states = np.hstack([rng.normal(size=(5, 3)), Rotation.random(5, random_state=0).as_rotvec()])
+    states = space.continued(states)
+    motion = Demonstration.from_positions(np.arange(5) / 4, states, "motion", space)
+    target, goal = states[-1], np.array([1.0, 2.0, 3.0, 0.5, -1.0, 0.2])
+    (after,) = DemonstrationSet((motion,), space).carried(target, goal, turn=turn)
+    between = Rotation.from_rotvec(goal[3:]) * Rotation.from_rotvec(target[3:]).inv()
+    offsets = states[:, :3] - target[:3]
+    expected = goal[:3] + (between.apply(offsets) if turn else offsets)
+    assert np.allclose(after.positions[:, :3], expected, rtol=0, atol=1e-14)
+    there = Rotation.from_rotvec(after.positions[:, 3:].copy())
+    turned = (between * Rotation.from_rotvec(states[:, 3:])).inv() * there
+    assert turned.magnitude().max() <= 1e-14
+    assert np.allclose(
+        after.velocities[:, 3:], between.apply(motion.velocities[:, 3:].copy()), rtol=0, atol=1e-12
+    )

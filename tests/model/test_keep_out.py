@@ -351,3 +351,18 @@ def test_bodies_move_and_turn():
         np.testing.assert_allclose(moved, body.inflated(MARGIN).values(x), rtol=1e-12)
     quarter = Box("x", (0.0, 0.0, 0.0), (0.4, 0.2, 0.1), turn=(0.0, 0.0, np.pi / 2))
     np.testing.assert_allclose(quarter.bounds[1], (0.1, 0.2, 0.05), atol=1e-8)
+
+
+def test_of_a_pose_the_position_keeps_out_and_the_turn_is_as_before(make_pose_skill):
+    skill = make_pose_skill(np.random.default_rng(14))
+    target = skill.attractor[:3]
+    body = Ball("ball", tuple(np.add(target, [0.15, 0.1, 0.0])), 0.04)
+    kept = kept_out(skill, [body], margin=MARGIN)
+    starts = np.tile(skill.attractor, (40, 1))
+    starts[:, :3] += np.random.default_rng(15).normal([0.3, 0.2, 0.0], 0.03, (40, 3))
+    starts[:, 3:] += np.random.default_rng(16).normal(0, 0.2, (40, 3))
+    motions = rollout(kept, starts, duration=60.0, period=0.01)
+    assert motions.arrived.all()
+    assert body.inflated(MARGIN).values(motions.positions[..., :3].reshape(-1, 3)).min() >= 1
+    plain = rollout(skill, starts, duration=60.0, period=0.01)
+    assert body.inflated(MARGIN).values(plain.positions[..., :3].reshape(-1, 3)).min() < 1

@@ -6,6 +6,7 @@ from pickle import dumps, loads
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
+from scipy.spatial.transform import Rotation
 
 from skillctl.errors import InvalidModelError
 from skillctl.model.controller import Controller
@@ -202,3 +203,17 @@ def test_the_decay_of_v_is_that_of_finite_differences(make_skill):
     ahead, behind = (skill.v_distance(skill.advanced(states, sign * step)) for sign in (1, -1))
     expected = -(ahead - behind) / (2 * step) / skill.form.distance(y - skill.attractor)
     np.testing.assert_allclose(skill.decay(states), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shears_turn_as_what_they_act_on(make_shears, seed):
+    rng = np.random.default_rng(seed)
+    shears, turn = make_shears(rng, 3), Rotation.random(random_state=seed).as_matrix()
+    after, inner = shears.turned(turn)
+    x = rng.normal(0, 2, (50, 3))
+    # Products of three, and splines of slope about one.
+    assert np.abs(after.forward(x @ turn.T) - shears.forward(x) @ inner.T).max() <= 1e3 * np.finfo(float).eps
+    assert np.abs(inner @ inner.T - np.eye(3)).max() <= 16 * np.finfo(float).eps
+    chained, same = Chain((shears,)).turned(turn)
+    assert chained == Chain((after,))
+    assert (same == inner).all()

@@ -58,7 +58,7 @@ def test_it_is_negative_where_the_distance_grows_and_unknown_at_the_attractor(po
 
 def test_distances_are_in_the_norm_of_the_part_that_acted(portrait):
     shown = portrait(2, kind="combined")
-    figure = draw_proofs([(shown, Bounds("stable", None, (None, None), None))])
+    figure = draw_proofs([(shown, Bounds("stable", (None,), (None, None), None))])
     courses = next(axes for axes in figure.axes if axes.get_yscale() == "log" and axes.get_lines())
     for motion, line in zip(shown.motions, courses.get_lines(), strict=True):
         part = shown.skill.parts[motion.part]

@@ -213,7 +213,7 @@ def test_of_very_many_demonstrations_some_speeds_are_shown_and_that_is_said(port
 
 
 def bounds(**given):
-    return Bounds(**{"verdict": "stable", "rate": 0.1, "radii": (None,), "witness": None, **given})
+    return Bounds(**{"verdict": "stable", "rates": (0.1,), "radii": (None,), "witness": None, **given})
 
 
 def test_a_proof_shows_the_decay_rate_its_lowest_and_the_proved_line(portrait, lines, texts):
@@ -236,7 +236,7 @@ def test_where_v_grows_is_in_another_colour_with_a_line_around_it(portrait):
     shown = portrait(2)
     turned = np.array([[0.0, -1.0], [1.0, 0.0]])  # V grows on some sides and shrinks on others
     part = replace(shown.skill, lyapunov=np.diag([1.0, 4.0]), system_matrices=np.stack([turned] * 3))
-    figure = draw_proofs([(replace(shown, skill=part), bounds(rate=None, verdict="not proved"))])
+    figure = draw_proofs([(replace(shown, skill=part), bounds(rates=(None,), verdict="not proved"))])
     rates = figure.axes[0]
     (zero,) = [c for c in rates.collections if isinstance(c, QuadContourSet)]
     assert list(zero.levels) == [0.0]
@@ -247,7 +247,7 @@ def test_where_v_grows_is_in_another_colour_with_a_line_around_it(portrait):
 def test_radii_and_witness_are_drawn_to_scale(portrait, lines, texts):
     shown = portrait(2, kind="combined", gate="instantaneous", reach=2.0)
     lost = (0.3, -0.4)
-    given = bounds(verdict="not proved", rate=None, radii=(0.02, None), witness=lost)
+    given = bounds(verdict="not proved", rates=(None,), radii=(0.02, None), witness=lost)
     figure = draw_proofs([(shown, given)])
     rates = figure.axes[0]
     (circle,) = [patch for patch in rates.patches if type(patch) is Circle]

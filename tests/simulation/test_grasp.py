@@ -97,7 +97,7 @@ def test_a_compliant_hand_lifts_as_high(straight: SedsSkill) -> None:
     ("changes", "outcome", "words"),
     [
         (
-            {"start": (0.40, 0.0, 0.56)},
+            {"start": (0.40, 0.0, 0.56), "avoid": False},
             "shelf_contact",
             r"panda_\w+ touched the upper board \d\.\d s into the approach",
         ),

@@ -105,13 +105,15 @@ def test_an_obstacle_stands_where_it_is_put(
 def test_touching_an_obstacle_is_a_failure_that_the_check_tells(
     linear: MakeLinear, obstacle: dict[str, object]
 ) -> None:
-    skill, scenario = linear((0.5, -0.3, 0.5)), Scenario(start=(0.5, 0.3, 0.5), obstacles=[obstacle])
+    scenario = Scenario(start=(0.5, 0.3, 0.5), obstacles=[obstacle], avoid=False)
+    skill = linear((0.5, -0.3, 0.5))
     told, happened = check(skill, scenario), simulate(skill, scenario)
     assert not told.reachable
     assert "would touch the wall with the hand at (0.500" in told.reason
     assert happened.outcome == "shelf_contact"
     assert "touched the wall" in happened.detail
     assert check(skill, scenario.changed(obstacles=())).reachable
+    assert check(skill, scenario.changed(avoid=True)).reachable
 
 
 def test_the_hand_may_go_through_an_arch_and_not_through_its_post(linear: MakeLinear, arch: Path) -> None:

@@ -182,6 +182,20 @@ def test_trees_of_poses(make_pose_skill):
     assert certificate.verdict in {"inconclusive", "not proved"}  # sampling may find a witness, or not
 
 
+def test_the_arrival_is_that_of_the_later_part(make_pose_skill):
+    """Of ẏ = −y all is known: √V shrinks by 1 − Δt/2 1/s or more, from half a turn and from the start."""
+    skill = make_pose_skill(np.random.default_rng(1), n_components=1, length=0.2)
+    skill = replace(skill, system_matrices=-np.eye(6)[None], lyapunov=np.eye(6))
+    certificate, period, near = certify(skill), 0.1, 1e-3 / np.sqrt(2)
+    for away in (0.1, 10.0):
+        corner = skill.attractor[:3] + np.array([away, 0, 0])
+        reach = bound_reach(skill, certificate, corner, corner, period=period)
+        farthest = max(away, np.pi * 0.2)
+        expected = np.log(farthest / near) / (1 - period / 2) + period
+        assert reach.arrival == pytest.approx(expected, rel=1e-9)
+        assert reach.arrival_distance == 1e-3
+
+
 @pytest.mark.parametrize("bent", [False, True])
 def test_a_box_of_positions_is_left_in_no_orientation(make_pose_skill, bent):
     rng = np.random.default_rng(10)

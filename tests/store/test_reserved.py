@@ -14,10 +14,6 @@ def chain(meta, **instead):
     return {**meta, "skill": {**skill, **instead}, "operation": operation}
 
 
-def adapted(meta):
-    return {**meta, "operation": {**meta["operation"], "command": "adapt"}}
-
-
 def gated(meta, gate="avoiding"):
     return {**meta, "skill": {**meta["skill"], "gate": gate}}
 
@@ -36,11 +32,9 @@ def stored(meta) -> bytes:
     ("change", "used"),
     [
         (chain, "a chain of skills and the command chain"),
-        (adapted, "the command adapt"),
         (gated, "the gate avoiding"),
         (lambda meta: gated(meta, "experts"), "the gate experts"),
         (gated_below, "the gate latched"),
-        (lambda meta: adapted(chain(meta)), "a chain of skills and the command adapt"),
     ],
 )
 def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, used):

@@ -12,6 +12,7 @@ from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.learning.options import LearnOptions
 from skillctl.model.joint import joint_mixture
 from skillctl.model.mixture import GaussianMixture
+from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Euclidean
 from skillctl.store import Artifact, Operation, current_provenance, encode, read_skill, write_file
@@ -79,10 +80,11 @@ def test_a_matrix_that_proves_next_to_nothing_is_worth_a_refit(tmp_path, library
         artifact = Artifact(shear(1.96, upper), taught, operation, current_provenance())
         write_file(tmp_path / f"{upper}.h5", encode(artifact))
         paths.append(tmp_path / f"{upper}.h5")
-    kept = merge(paths, output=tmp_path / "kept.h5", refit=False)
+    as_they_are = MergeOptions(speed=1.0)
+    kept = merge(paths, output=tmp_path / "kept.h5", options=as_they_are, refit=False)
     assert kept.lyapunov == "found"
     assert 0 < kept.certificate.rate <= 0.02
-    again = merge(paths, output=tmp_path / "again.h5")
+    again = merge(paths, output=tmp_path / "again.h5", options=as_they_are)
     assert again.lyapunov == "refitted"
     assert again.certificate.rate > kept.certificate.rate
     assert "as they were would prove a decay of" in again.notes[-1]
@@ -97,6 +99,49 @@ def test_merging_keeps_the_controller_period_wherever_a_common_matrix_allows(lib
     assert (
         merge(["curve", "hook"], output=tmp_path / "m.h5", store=library, options=fast).certificate.rate > 0
     )
+
+
+def test_a_merger_is_as_fast_as_its_parts_were_demonstrated_unless_a_speed_is_given(library, tmp_path):
+    def made(**options):
+        report = merge(
+            ["curve", "hook"], output=tmp_path / "m.h5", store=library, options=MergeOptions(**options)
+        )
+        return report, load(tmp_path / "m.h5")
+
+    def arrival(times, x, goal):
+        """Return when a fiftieth of the way to the goal is left."""
+        away = np.linalg.norm(x - goal, axis=1)
+        return float(np.interp(-away.max() / 50, -np.minimum.accumulate(away), times))
+
+    shown, taken = [], []
+    plain, skill = made()
+    for motions in read_skill(tmp_path / "m.h5").demonstrations:
+        run = rollout(skill, [m.positions[0] for m in motions], duration=30.0, period=1e-3)
+        goal = skill.attractors[0]
+        shown.append(np.median([arrival(m.times - m.times[0], m.positions, goal) for m in motions]))
+        taken.append(np.median([arrival(*run.trajectory(i), goal) for i in range(len(motions))]))
+    # Times are read off to one of 200 steps of a duration, and the artifact keeps 200 points of a motion.
+    assert np.mean(taken) == pytest.approx(np.mean(shown), rel=0.03)
+    given, same = made(speed=1.0)
+    assert given.speed == 1.0 != plain.speed
+    assert skill.velocity([0.1, 0.2]) == pytest.approx(plain.speed * same.velocity([0.1, 0.2]), rel=1e-12)
+
+
+def test_a_merger_that_its_proof_makes_late_says_how_late(library, tmp_path):
+    paths = [tmp_path / "a.h5", tmp_path / "b.h5"]
+    for name, path in zip(["curve", "hook"], paths, strict=True):
+        artifact = open_skill(name, library).artifact
+        slow = replace(artifact.skill.leaves[0], speed=artifact.skill.speed / 4)
+        promised = artifact.operation.model_copy(
+            update={"options": {**artifact.operation.options, "period": 1e3}}
+        )
+        write_file(path, encode(replace(artifact, skill=slow, operation=promised)))
+    report = merge(paths, output=tmp_path / "m.h5")
+    # The parts are proved for less than they promise, and the merger keeps what they are proved for.
+    assert report.speed == pytest.approx(1.0, rel=0.01)
+    assert "its motions take 3." in report.notes[0] or "its motions take 4" in report.notes[0]
+    prompt = merge(["curve", "hook"], output=tmp_path / "p.h5", store=library)
+    assert not any("times as long" in note for note in prompt.notes)
 
 
 def test_no_refit_refuses_and_names_the_parts(conflict, tmp_path):

@@ -54,7 +54,7 @@ def test_the_same_again_is_up_to_date_and_the_file_stays(run, skills, tmp_path, 
     [
         (MERGE, ["--weights", "2,1"], "part_weights is 2.0,1.0 and was not set"),
         (MERGE, ["--gate", "density"], "gate is density and was superposition"),
-        (MERGE, ["--speed", "2"], "speed is 2.0 and was 1.0"),
+        (MERGE, ["--speed", "2"], "speed is 2.0 and was not set"),
         (MERGE, ["--target", "0.1,0"], "target is 0.1,0.0 and was not set"),
         (MERGE, ["--no-refit"], "refit is False and was True"),
         (MERGE, ["-m", "new"], "the note is another one"),

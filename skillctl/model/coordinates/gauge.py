@@ -124,6 +124,9 @@ class Gauge(Frozen):
     def _at(self, offset: Sequence[float]) -> tuple[float, list[float], list[float], list[float]]:
         _, frame, below, above, singly, m = self._lists
         u = [sum(map(mul, row, offset)) for row in frame]
+        if len(below) == 1:
+            w, h = [math.hypot(*u)], above
+            return w[0] / (h[0] + m), u, w, h
         if singly:
             w = [abs(each) for each in u]
             h = [low if each < 0 else high for each, low, high in zip(u, below, above)]  # noqa: B905

@@ -187,7 +187,7 @@ class KeepOut(Frozen, Link):
         if met is None:
             return offset
         pole, e, t, _, reach = met
-        share = _closed(max(t, 1.0), reach) / t
+        share = (_closed(t, reach) if t > 1 else NUDGE) / t
         return np.array([p + share * each for p, each in zip(pole, e)])  # noqa: B905
 
     def back_at(self, coordinate: FloatArray) -> FloatArray:
@@ -196,7 +196,7 @@ class KeepOut(Frozen, Link):
         if met is None:
             return coordinate
         pole, e, r, _, reach = met
-        share = _opened(max(r, NUDGE), reach) / r
+        share = _opened(r if r > NUDGE else NUDGE, reach) / r
         return np.array([p + share * each for p, each in zip(pole, e)])  # noqa: B905
 
     def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
