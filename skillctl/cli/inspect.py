@@ -45,7 +45,7 @@ class Shown:
         metavar="X,Y,Z[,QX,QY,QZ,QW]",
         help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
     )
-    demos: bool = option(False, help="Show each demonstration, of a skill with many, too.")
+    demos: bool = option(False, help="Show every demonstration, also where there are many.")
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=RESULT, help="Draw it: field, demonstrations, motions, regions."
     )
