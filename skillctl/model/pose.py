@@ -111,9 +111,10 @@ class Pose(Space):
             moved[..., :3] = goal[:3] + rotations.turned(moved[..., :3] - goal[:3], base)
         return moved
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
-        return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+        positions = Space.mean(self, states[:, :3], weights)
+        return np.concatenate([positions, rotations.mean(states[:, 3:], weights)])
 
     def middle(self, states: FloatArray) -> FloatArray:
         """Return the median of positions and that of orientations (6,): the sum of angles to it is least."""
