@@ -11,7 +11,7 @@ import numpy as np
 
 from skillctl import metrics
 from skillctl.arrays import FloatArray
-from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import ActingSkill
 from skillctl.model.space import Space
