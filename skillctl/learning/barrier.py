@@ -130,8 +130,7 @@ def constrained_regression(
     Returns:
         A, shape (K, d, d), strictly stable.
     """
-    k, d, _ = gram.shape
-    blocks = barrier.blocks
+    d, blocks = gram.shape[1], barrier.blocks
     if start is None:
         unbound = np.asarray(np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64)
         start, first_level = filled(free(unbound, blocks), blocks), -1

@@ -1,7 +1,7 @@
 """Which entries of system matrices are free: those of square blocks along the diagonal.
 
-A matrix (d, d) with blocks of sizes (b₁, b₂, …) has m = Σ b² free entries, which are counted block by block and
-within a block row by row; all others are zero. One block of size d leaves all free.
+A matrix (d, d) with blocks of sizes (b₁, b₂, …) has m = Σ b² free entries, which are counted block by block
+and within a block row by row; all others are zero. One block of size d leaves all free.
 """
 
 from __future__ import annotations

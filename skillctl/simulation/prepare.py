@@ -19,7 +19,7 @@ from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.ik import POSE_POSITION, Kinematics, Solution
 from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
@@ -213,7 +213,7 @@ def _required(name: str, place: FloatArray, solution: Solution, scenario: Scenar
     if solution.accepted:
         return solution.joints
     (x, y, z), missed = place[:3], f"{1e3 * solution.residual:.0f} mm"
-    if len(place) > 3:
+    if len(place) > 3 or solution.residual < POSE_POSITION:  # the orientation is what is missing
         missed += f" and {math.degrees(solution.turn):.0f}°"
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(

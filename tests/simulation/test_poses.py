@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.pose import Pose
@@ -28,7 +30,7 @@ from skillctl.simulation.ik import POSE_ANGLE, POSE_POSITION, Kinematics
 from skillctl.simulation.picture import encode_picture
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
-from skillctl.simulation.scenario import Displace, Sampling, Scenario
+from skillctl.simulation.scenario import Cup, Displace, Sampling, Scenario, Shelf
 from tests.simulation.test_ik import panda_hand
 
 TARGET = (0.58, 0.2, 0.55)
@@ -215,3 +217,22 @@ def test_a_drawn_start_is_turned_as_the_nearest_demonstrated_one(turning: MakeTu
     fixed = chosen(skill, taught, Scenario(start=(0.4, 0.15, 0.5)), demo=None, episode=None).start
     assert fixed is not None
     assert (Rotation.from_rotvec(fixed[3:]) * ahead(0.4).inv()).magnitude() < 1e-12
+
+
+def test_the_part_that_acts_turns_the_hand_for_the_cup_its_own_way(turning: MakeTurning) -> None:
+    def part(yaw: float) -> SedsSkill:
+        """Return a part that was taught motions in the direction of the hand."""
+        skill = turning(yaw)
+        means = skill.means - 0.1 * np.array([[math.cos(yaw), math.sin(yaw), 0.0, 0.0, 0.0, 0.0]])
+        density = GaussianMixture(np.ones(1), means, skill.covariances)
+        return replace(skill, means=means, density=density)
+
+    skill = CombinedSkill((part(0.5), part(-0.5)), part_priors=np.array([0.5, 0.5]), gate="latched")
+    start = (0.62 - 0.22 * math.cos(0.5), 0.1 - 0.22 * math.sin(0.5), 0.76, *ahead(0.4).as_quat())
+    scenario = Scenario(scene=Shelf(), target="cup", cup=Cup(position=(0.62, 0.1)), start=start)
+    run = simulate(skill, scenario)
+    assert run.outcome == "grasped"
+    at_cup = run.series.phases == 0
+    turn = Rotation.from_quat(run.series.hand_turns[at_cup][-1]) * ahead(0.5).inv()
+    assert turn.magnitude() < scenario.grasp.turn
+    assert run.metrics.cup_moved < 2e-3
