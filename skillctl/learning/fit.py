@@ -303,9 +303,9 @@ def _bound(metric: FloatArray, data: TrainingData) -> float:
 
 def _turned_back(data: TrainingData, space: Space) -> tuple[str, ...]:
     """Return the warning about orientations whose angle from the target grows on the way."""
-    turns = data.positions[..., data.blocks[0] :] * data.length_scale
     if not isinstance(space, Pose):
         return ()
+    turns = data.positions[..., space.positions :] * data.length_scale
     bound = deviation_bound(np.eye(3), turns) / space.length
     reach = float(np.linalg.norm(turns, axis=-1).max()) / space.length
     if bound <= BOUND_SHARE * reach:

@@ -3,7 +3,7 @@
     pip install '.[bench]' && python tests/benchmarks/poses.py FOLDER_OF_ROBOTASKS
 
 The folder holds .npy files (demonstrations, 1000, 7): position [cm], quaternion w, x, y, z, at 60 Hz. A held
-robot stands still for half of the motion's duration, half-way, and is then let go. "Left out": learned from all
+robot stands still for half of the motion's duration, half-way, and is then let go. Left out: learned from all
 demonstrations but two, and measured on these two, for three choices of two.
 """
 
