@@ -39,7 +39,7 @@ def _entries(sizes: Sizes) -> IntArray:
 def free(matrices: FloatArray, sizes: Sizes) -> FloatArray:
     """Return the free entries (..., m) of matrices (..., d, d)."""
     flat = matrices.reshape(*matrices.shape[:-2], -1)
-    return np.asarray(flat[..., _entries(sizes)])
+    return np.take(flat, _entries(sizes), axis=-1)
 
 
 def filled(entries: FloatArray, sizes: Sizes) -> FloatArray:

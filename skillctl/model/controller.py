@@ -70,12 +70,24 @@ class Controller:
             )
         self.skill, self.period = skill, period
         self._last: Step | None = None
+        self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
 
     @property
     def part(self) -> int | None:
         """Index of the part that acted last; None before the first step."""
         return None if self._last is None else int(self._last.parts)
+
+    @property
+    def inside(self) -> tuple[str, ...]:
+        """Names of the known bodies that the last measured state was in, or nearer to than the margin.
+
+        No command leads there; a push may. The next commands lead straight out again.
+        """
+        if self._measured is None:
+            return ()
+        position = self._measured[None, : self.skill.space.positions]
+        return tuple(name for name, gauge in self._known if gauge.values(position)[0] < 1)
 
     def follow(self, skill: Skill) -> None:
         """Go on with another skill of the same parts, as among bodies that moved; which one acts stays."""
@@ -121,6 +133,7 @@ class Controller:
         caps = UNCAPPED
         if max_speed is not None or max_turn is not None:
             caps = Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn))
+        self._measured = x
         last, part, near = self._last, None, None
         if last is not None and not self._disturbed(x, last):
             part, near = int(last.parts), last.offset

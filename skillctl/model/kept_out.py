@@ -20,7 +20,7 @@ from skillctl.model.coordinates.separation import separated
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import AnySkill, Skill
 
-LARGEST_REACH = 2.0  # of an influence, in sizes of its body
+LARGEST_REACH = 2.0  # of an influence, in sizes of its body; less of a wide, thin one
 LEAST_REACH = 1.01  # smaller ones bend motions too sharply to compute with
 HALVINGS = 6  # of the room between two influences
 
@@ -128,7 +128,7 @@ def _reaches(names: Sequence[str], gauges: Sequence[Gauge], inflation: float) ->
                 f"{name}: the target is in it, or hardly farther from it than {_length(inflation)}.",
                 hint="Move the target, or take a smaller margin.",
             )
-        reaches[i] = min(LARGEST_REACH, away * (1 - 1e-9))
+        reaches[i] = min(_largest(gauge), away * (1 - 1e-9))
     smaller = reaches.copy()
     for i, j in combinations(range(len(gauges)), 2):
         shared = _shared(gauges[i], gauges[j], (float(reaches[i]), float(reaches[j])))
@@ -139,6 +139,13 @@ def _reaches(names: Sequence[str], gauges: Sequence[Gauge], inflation: float) ->
             )
         smaller[i], smaller[j] = min(smaller[i], shared[0]), min(smaller[j], shared[1])
     return smaller
+
+
+def _largest(gauge: Gauge) -> float:
+    """Return how large an influence should be: a wide board sends nobody round it from half a metre away."""
+    thin = float((0.5 * (gauge.below + gauge.above)).min()) + gauge.rounding
+    far = float(np.linalg.norm(np.maximum(gauge.below, gauge.above))) + gauge.rounding
+    return min(LARGEST_REACH, 1 + 2 * thin / far)
 
 
 def _shared(first: Gauge, second: Gauge, reaches: tuple[float, float]) -> tuple[float, float] | None:

@@ -31,6 +31,7 @@ from skillctl.simulation.scene import boxes
 
 BULLET_PADDING = 0.004  # [m], by which Bullet's boxes around meshes are larger on each side
 MARGIN = 0.003  # [m] around all things, which are rounded by it
+SURE = 2.0  # standard deviations
 ROOM = 0.008  # [m] more around all but the cup, for which the fingers have no more room
 INNER = 0.012  # [m] from the faces of what guides the fingers to its pole
 LEDGE = 0.012  # [m] from the inflated board up to what guides the fingers past the cup
@@ -115,7 +116,8 @@ class Avoidance:
         bodies, refusals = self.admitted(skill, np.zeros(3))
         names = ", ".join(dict.fromkeys(body.name for body in bodies)) or "nothing"
         meshes = [f"{each.name} (a mesh)" for each in self.scenario.obstacles if each.kind == "mesh"]
-        others = ", ".join([f"{body.name} ({reason})" for body, reason in refusals] + meshes)
+        sides = ["sides of the cup (it is not perceived well enough)"] if self._unsure else []
+        others = ", ".join([f"{body.name} ({reason})" for body, reason in refusals] + meshes + sides)
         return f"the hand keeps out of: {names}{f'; not of: {others}' if others else ''}."
 
     def admitted(self, skill: Skill, moved: FloatArray) -> tuple[list[Body], tuple[tuple[Body, str], ...]]:
@@ -127,6 +129,12 @@ class Avoidance:
         target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
         return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
+
+    @property
+    def _unsure(self) -> bool:
+        """Whether the hand is perceived too badly for the few millimetres between fingers and cup."""
+        shaken = SURE * math.hypot(self.scenario.noise, self.scenario.target_error)
+        return self.scenario.target == "cup" and shaken > MARGIN
 
     @property
     def _stride(self) -> float:
@@ -165,6 +173,8 @@ class Avoidance:
         """Yield what keeps the fingers beside the cup: where one of them would touch it."""
         cup, scene = self.scenario.cup, self.scenario.scene
         if cup is None or scene is None or not self.shape.fingers or self.scenario.target != "cup":
+            return
+        if self._unsure:
             return
         axes = self._axes(target)
         size = np.array([2 * cup.radius, 2 * cup.radius, cup.height])

@@ -55,7 +55,11 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     _require_start(skill, scenario)
     _require_hand(skill, scenario)
     if isinstance(scenario.target, tuple):
-        skill = retargeted(skill, scenario.target)
+        skill = retargeted(skill, scenario.target, turn=scenario.turn)
+    elif scenario.turn:
+        raise UsageError(
+            "turn: there is no target to turn with.", hint="Add --target X,Y,Z,QX,QY,QZ,QW, a pose."
+        )
     fallback: Setup | None = None
     for placement in placements(skill, model, scenario):
         moved = skill
@@ -118,7 +122,7 @@ def among_scene(skill: Skill, scenario: Scenario) -> AmongScene:
     if scenario.target == "cup":
         skill = retargeted(skill, placement.to_state(cup_middle(scenario)))
     elif scenario.target is not None:
-        skill = retargeted(skill, scenario.target)
+        skill = retargeted(skill, scenario.target, turn=scenario.turn)
     base_yaw = _base_yaw(skill, placement, scenario)
     with silenced(1), ArmBody(model, base_yaw, shapes="none") as body:
         kinematics = Kinematics(body, _hands(skill, placement, scenario)[0], base_yaw)

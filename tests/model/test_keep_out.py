@@ -292,6 +292,9 @@ def test_influences_are_as_large_as_they_may_be(skill):
     one = kept_out(skill, [Ball("far", (0.5,) * d, 0.05)], margin=MARGIN).coordinates.links[0]
     assert one.reaches.tolist() == [2.0]
     radius = 0.05 + np.hypot(MARGIN, MARGIN / 2)
+    board = Box("board", (1.0,) * d, (0.6,) + (0.02,) * (d - 1))  # wide and thin: it ends near the board
+    wide = kept_out(skill, [board], margin=MARGIN).coordinates.links[0]
+    assert 0.05 < 0.3 * (wide.reaches[0] - 1) < 0.1
     near = kept_out(skill, [Ball("near", (0.1,) + (0.0,) * (d - 1), 0.05)], margin=MARGIN)
     np.testing.assert_allclose(near.coordinates.links[0].reaches, 0.1 / radius, rtol=1e-8)
     pair = [Ball("a", (0.5,) * d, 0.05), Ball("b", (0.5,) * (d - 1) + (0.7,), 0.05)]

@@ -115,6 +115,10 @@ def test_a_state_inside_a_known_body_is_led_out_at_the_capped_speed(make_skill):
     x = np.array([0.34, 0.0])
     command = controller.step(x, max_speed=0.1)
     np.testing.assert_allclose(command, [0.1, 0.0], atol=1e-9)  # straight away from the pole
+    assert controller.inside == ("ball",)
+    for _ in range(60):
+        x = x + PERIOD * controller.step(x, max_speed=0.1)
+    assert not controller.inside
 
 
 def test_a_body_that_moves_into_the_hand_pushes_it_away(make_skill):

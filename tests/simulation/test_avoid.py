@@ -126,6 +126,13 @@ def test_what_is_kept_out_of_is_said(twin, linear):
     )
 
 
+def test_a_hand_that_is_seen_badly_is_not_guided_along_the_cup(twin):
+    for shaken in ({"noise": 0.003}, {"target_error": 0.003}):
+        avoid = avoidance(shelf(**shaken), HERE, twin)
+        names = [body.name for body in avoid.bodies(cup_middle(avoid.scenario))]
+        assert names == ["lower board", "upper board", "rear panel"]
+
+
 def test_boards_stay_and_the_cup_moves_with_the_target(twin, linear):
     scenario = shelf()
     motion = Motion(

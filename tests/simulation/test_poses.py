@@ -28,6 +28,7 @@ from skillctl.simulation.draws import TURN_SCATTER, chosen
 from skillctl.simulation.episode import Episode, RefusedError
 from skillctl.simulation.ik import POSE_ANGLE, POSE_POSITION, Kinematics
 from skillctl.simulation.picture import encode_picture
+from skillctl.simulation.prepare import prepare
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
 from skillctl.simulation.scenario import Cup, Displace, Sampling, Scenario, Shelf
@@ -236,3 +237,22 @@ def test_the_part_that_acts_turns_the_hand_for_the_cup_its_own_way(turning: Make
     turn = Rotation.from_quat(run.series.hand_turns[at_cup][-1]) * ahead(0.5).inv()
     assert turn.magnitude() < scenario.grasp.turn
     assert run.metrics.cup_moved < 2e-3
+
+
+def test_the_whole_motion_turns_with_its_target(turning: MakeTurning) -> None:
+    bent = turning()
+    bent = replace(bent, system_matrices=-np.diag([2.0, 1.0, 2.0, 2.0, 2.0, 2.0])[None])
+    target = (*TARGET, *ahead(0.9).as_quat().tolist())
+    states = np.array([[*START, *ahead(0.1).as_rotvec()]])
+    ways = {}
+    for turn in (False, True):
+        setup = prepare(bent, Scenario(start=START, target=target, turn=turn))
+        assert np.allclose(setup.skill.attractors[0, 3:], ahead(0.9).as_rotvec(), rtol=0, atol=1e-12)
+        ways[turn] = setup.skill.velocity(states)[0, :3]
+    turned = Rotation.from_euler("Z", 0.9 - 0.5)
+    offset = np.array(START) - TARGET
+    assert np.allclose(ways[False], [-2, -1, -2] * offset, rtol=0, atol=1e-12)
+    expected = turned.apply([-2, -1, -2] * turned.inv().apply(offset))
+    assert np.allclose(ways[True], expected, rtol=0, atol=1e-12)
+    with pytest.raises(UsageError, match="no target to turn with"):
+        prepare(bent, Scenario(start=START, turn=True))
