@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import log_sum_exp, softmax
 from skillctl.model.skill import ActingSkill
 
+GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
 CHECKED = 25  # steps between two looks at whether all have arrived
 
 
@@ -120,3 +122,27 @@ class Blends:
         logs = np.stack([log_sum_exp(part.density.log_joint(charted)) for part in self.parts])
         with np.errstate(divide="ignore"):  # no weight: never acts
             return softmax(logs + np.log(weights.T)).T
+
+
+def weight_grid(count: int) -> list[FloatArray]:
+    """Return weights of ``count`` parts on a grid over the simplex, without the corners; equal ones first."""
+    steps = GRIDS.get(count, 2)
+    found = [
+        np.array(split) / steps
+        for split in product(range(steps + 1), repeat=count)
+        if sum(split) == steps and max(split) < steps
+    ]
+    return [np.full(count, 1 / count), *(w for w in found if np.ptp(w) > 0)]
+
+
+def weight_neighbours(weights: FloatArray, moved: float) -> list[FloatArray]:
+    """Return weights with a little moved from one part to another; two parts or more keep some."""
+    found = []
+    for giver, taker in product(range(len(weights)), repeat=2):
+        if giver != taker and weights[giver] > 0:
+            other = weights.copy()
+            other[giver], other[taker] = max(weights[giver] - moved, 0.0), weights[taker]
+            other[taker] += weights[giver] - other[giver]
+            if np.count_nonzero(other) > 1:
+                found.append(other / other.sum())
+    return found

@@ -102,15 +102,21 @@ class Judge:
         return cls(task, target, space, np.concatenate(every), rows, references)
 
     @cached_property
-    def scales(self) -> dict[str, float]:
-        """The margin of each clause that is ample, in its unit: what rests at the target may have no more."""
+    def at_target(self) -> dict[str, float]:
+        """Margins of the clauses about places at the target itself; no motion that arrives has more."""
         resting = self.paths(np.tile(self.target, (1, 2, 1)), np.ones(1))
-        found = {}
-        for name, clause in self.task.clauses.items():
-            found[name] = clause.scale(self.task.way)
-            if isinstance(clause, KeepOutClause | StayIn) and (most := float(clause.margins(resting)[0])) > 0:
-                found[name] = min(found[name], HALF * most)
-        return found
+        return {
+            name: float(clause.margins(resting)[0])
+            for name, clause in self.task.clauses.items()
+            if isinstance(clause, KeepOutClause | StayIn)
+        }
+
+    @cached_property
+    def scales(self) -> dict[str, float]:
+        """The margin of each clause that is ample, in its unit: at the target there may be no more."""
+        found = {name: clause.scale(self.task.way) for name, clause in self.task.clauses.items()}
+        there = {name: HALF * most for name, most in self.at_target.items() if most > 0}
+        return {name: min(scale, there.get(name, scale)) for name, scale in found.items()}
 
     def paths(self, states: FloatArray, steps: FloatArray) -> Paths:
         """Return motions (n, T, d), with the time between two states of each, (n,), as clauses take them."""

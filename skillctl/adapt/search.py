@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 
-from skillctl.adapt.blends import Blend, Blends
+from skillctl.adapt.blends import Blend, Blends, weight_grid, weight_neighbours
 from skillctl.adapt.clauses import compared, lengths
 from skillctl.adapt.judge import ARRIVED, RESOLVED, Judge, follow, padded
 from skillctl.adapt.task_file import Task
@@ -23,7 +23,6 @@ from skillctl.model.retarget import retargeted
 from skillctl.model.skill import ActingSkill, Skill, contraction_period
 
 STARTS = 16  # that every candidate is judged from
-GRIDS = {2: 12, 3: 6, 4: 4, 5: 3}  # number of parts → into how many steps a weight is divided
 FINER = (1 / 12, 1 / 24, 1 / 48)  # weights that are moved from one part to another, round by round
 FACTORS = (0.5, 2.0)  # of a component, that are tried one at a time
 ENOUGH = 0.5  # a score from which on no factors are tried: half of what is ample
@@ -362,11 +361,11 @@ class _Trial:
             slowest: Time of the slowest single skill, [s].
         """
         count = len(blends.parts)
-        grid = [blends.plain(weights) for weights in _grid(count)]
+        grid = [blends.plain(weights) for weights in weight_grid(count)]
         found = [c for gate in MERGE_GATES for c in self._merged(blends, grid, gate.name, slowest)]
         for finer in FINER:
             best = max(found, key=_score)
-            near = list(_neighbours(best.weights, finer))
+            near = list(weight_neighbours(best.weights, finer))
             if near:
                 found += self._merged(blends, [blends.plain(w) for w in near], best.gate, slowest)
         best = max(found, key=_score)
@@ -408,27 +407,3 @@ def _score(candidate: Candidate) -> float:
 def _faster(skill: Skill, factor: float) -> Skill:
     """Return the same motion, faster by a positive factor."""
     return skill if factor == 1 else replace(skill, speed=factor * skill.speed)  # type: ignore[type-var]
-
-
-def _grid(count: int) -> list[FloatArray]:
-    """Return weights of ``count`` parts on a grid over the simplex, without the corners; equal ones first."""
-    steps = GRIDS[count]
-    found = [
-        np.array(split) / steps
-        for split in product(range(steps + 1), repeat=count)
-        if sum(split) == steps and max(split) < steps
-    ]
-    return [np.full(count, 1 / count), *(w for w in found if np.ptp(w) > 0)]
-
-
-def _neighbours(weights: FloatArray, moved: float) -> list[FloatArray]:
-    """Return weights with a little moved from one part to another; two parts or more keep some."""
-    found = []
-    for giver, taker in product(range(len(weights)), repeat=2):
-        if giver != taker and weights[giver] > 0:
-            other = weights.copy()
-            other[giver], other[taker] = max(weights[giver] - moved, 0.0), weights[taker]
-            other[taker] += weights[giver] - other[giver]
-            if np.count_nonzero(other) > 1:
-                found.append(other / other.sum())
-    return found

@@ -332,7 +332,13 @@ def _built(
         None if c is None else asked.judged(c.build(), certificate) for c in (found.single, found.equal)
     ]
     done = operation.model_copy(update={"results": _results(asked.task, best, verdict, compared)})
-    return replace(artifact, operation=done), certificate, _Details(found, verdict, together, said)
+    impossible = [
+        f"{name} fails at the target itself, by {-most:.3g} m: no motion that arrives keeps it."
+        for name, most in found.judge.at_target.items()
+        if most < 0
+    ]
+    details = _Details(found, verdict, together, (*said, *impossible))
+    return replace(artifact, operation=done), certificate, details
 
 
 def _together(

@@ -98,6 +98,8 @@ def test_an_impossible_task_is_refused_by_the_name_of_its_clause(run, task_file,
     assert result.exit_code == 1
     assert "bottle fails by" in result.stdout
     assert "nothing was written" in result.stdout
+    # The ball of 3 cm lies around a point that is 2 cm beside the target.
+    assert "bottle fails at the target itself, by 0.01 m" in result.stderr
     assert not (tmp_path / "a.h5").exists()
     assert (tmp_path / "a.svg").read_bytes().startswith(b"<?xml")  # shows where it fails
     anyway = adapt(run, task_file, library, "-o", tmp_path / "a.h5", "--anyway")
