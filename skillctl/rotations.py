@@ -83,27 +83,18 @@ def angles(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(2 * np.arctan2(np.linalg.norm(apart[..., :3], axis=-1), np.abs(apart[..., 3])))
 
 
-def nearest_turn(rotations: FloatArray, reference: FloatArray) -> FloatArray:
-    """Return the rotation vectors of the same rotations that are nearest to reference vectors.
-
-    A rotation by an angle θ about an axis is one by θ − 2π, and by θ + 2π, too.
-    """
-    length = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    axes = np.divide(rotations, length, out=np.zeros_like(rotations), where=length > 0)
-    along = np.sum(axes * reference, axis=-1, keepdims=True)
-    turns = np.round((along - length) / (2 * np.pi))
-    return np.asarray(rotations + 2 * np.pi * turns * axes)
-
-
 def continuous(rotations: FloatArray) -> FloatArray:
     """Return a sequence of rotation vectors (T, 3) of the same rotations without jumps by full turns.
 
-    Their lengths may exceed π.
+    Their lengths may exceed π. A rotation by an angle θ about an axis is one by θ − 2π, and by θ + 2π, too.
     """
-    sequence = np.array(rotations, dtype=np.float64)
-    for i in range(1, len(sequence)):
-        sequence[i] = nearest_turn(sequence[i], sequence[i - 1])
-    return sequence
+    length = np.linalg.norm(rotations, axis=1)
+    axes = np.divide(rotations, length[:, None], out=np.zeros_like(rotations), where=length[:, None] > 0)
+    flips = np.sum(axes[1:] * axes[:-1], axis=1) < 0  # the axis turns round, and the angle changes its sign
+    signs = np.where(np.append(0, np.cumsum(flips)) % 2, -1.0, 1.0)
+    angles = signs * length
+    turns = np.round((np.unwrap(angles) - angles) / (2 * np.pi))
+    return np.asarray(rotations + (2 * np.pi * turns * signs)[:, None] * axes)
 
 
 def mean(rotations: FloatArray, weights: FloatArray | None = None) -> FloatArray:

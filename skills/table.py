@@ -34,7 +34,9 @@ def main(paths: list[Path]) -> None:
     reports = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
     simulated = sum(report["simulated_seconds"] for report in reports)
     wall = sum(report["wall_seconds"] for report in reports)
-    print(f"\n{simulated:.0f} s simulated in {wall:.0f} s: {simulated / wall:.1f} times real time.")
+    print(
+        f"\n{simulated:.0f} s simulated in {wall:.0f} s: {simulated / max(wall, 1e-9):.1f} times real time."
+    )
 
 
 if __name__ == "__main__":

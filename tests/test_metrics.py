@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from skillctl import metrics
+from skillctl import metrics, rotations
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
 from skillctl.geometry import resample_by_arc_length
@@ -160,3 +160,15 @@ def test_curves_that_cannot_be_compared_are_refused() -> None:
         metrics.dtw(path(2, 1), path(3, 1))
     with pytest.raises(UsageError, match=r"shape \(T, d\)"):
         metrics.dtw(np.zeros(5), np.zeros(5))
+
+
+def test_orientations_beside_each_other_are_that_angle_apart() -> None:
+    """R_z(t) and R_z(t) R_x(0.1) are 0.1 rad apart, and R_z(s) R_x(0.1) is nowhere nearer to R_z(t)."""
+    turns = np.outer(np.linspace(0, 5, 60), [0.0, 0.0, 1.0])  # more than half a turn
+    tilted = rotations.product(rotations.quaternions(turns), rotations.quaternions(np.array([0.1, 0.0, 0.0])))
+    wrapped = rotations.vectors(tilted)
+    assert np.abs(np.diff(wrapped, axis=0)).max() > 1  # its vectors jump where the rotation does not
+    # Between samples 0.085 rad apart a chord replaces the arc: relative error of its square over 8.
+    assert metrics.dtw_angle(turns, wrapped) == pytest.approx(0.1, rel=0.085**2 / 8)
+    assert metrics.dtw_angle(turns, rotations.vectors(rotations.quaternions(turns))) < 1e-6
+    assert metrics.dtw_angle(np.full((3, 3), np.nan), turns) == np.inf

@@ -68,6 +68,23 @@ def test_a_motion_through_half_turns_is_continuous():
     assert np.abs(rotations.continuous(wrapped) - angles[:, None] * np.array([0.0, 0.6, 0.8])).max() <= CLOSE
 
 
+def test_a_continuous_motion_takes_the_nearest_of_all_turns():
+    # A hand that tumbles with a turning axis, past half a turn: each vector is the nearest of those that
+    # differ by whole turns to the one before.
+    t = np.linspace(0.0, 1.0, 500)[:, None]
+    axis = np.hstack([np.cos(2 * t), np.sin(2 * t), 0.5 - t])
+    smooth = 5.0 * np.sin(3 * t) * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    wrapped = Rotation.from_rotvec(smooth).as_rotvec()
+    expected = [wrapped[0]]
+    for vector in wrapped[1:]:
+        length = np.linalg.norm(vector)
+        several = [vector * (1 + 2 * np.pi * turn / length) for turn in range(-3, 4)] if length else [vector]
+        expected.append(min(several, key=lambda each: np.linalg.norm(each - expected[-1])))
+    assert np.abs(rotations.continuous(wrapped) - expected).max() <= CLOSE
+    assert np.abs(rotations.continuous(wrapped) - smooth).max() <= CLOSE
+    assert (rotations.continuous(smooth) == smooth).all()
+
+
 def test_the_mean_agrees_and_knows_no_signs(random):
     near = Rotation.from_rotvec([0.5, 3.0, 0.2]) * Rotation.from_rotvec(0.3 * random.as_rotvec()[:20])
     weights = np.linspace(1.0, 2.0, 20)

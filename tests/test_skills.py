@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -10,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from skillctl.simulation.scenario_file import read_scenario
 
 SKILLS = Path(__file__).parent.parent / "skills"
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
@@ -89,3 +92,30 @@ def test_the_small_experiment_prints_its_table(copy):
     assert len((runs / "shelf--whole.csv").read_text().splitlines()) == 1 + 4
     done = make(copy, "experiment-small")
     assert "skillctl" not in done.stdout  # nothing is run again
+
+
+def test_the_oracle_counts_a_scene_that_any_of_the_skills_does(tmp_path):
+    tables = []
+    for name, outcomes in {"a": (1, 0, 0, 0), "b": (1, 1, 0, 0), "c": (0, 1, 0, 1)}.items():
+        tables.append(tmp_path / f"{name}.csv")
+        tables[-1].write_text("episode,success\n" + "".join(f"{i},{won}\n" for i, won in enumerate(outcomes)))
+    done = subprocess.run([sys.executable, SKILLS / "oracle.py", *tables], capture_output=True, check=True)
+    report = json.loads(done.stdout)
+    assert (report["successes"], report["episodes"]) == (3, 4)
+    (tmp_path / "best--clutter.json").write_bytes(done.stdout)
+    table = [sys.executable, SKILLS / "table.py", tmp_path / "best--clutter.json"]
+    shown = subprocess.run(table, capture_output=True, text=True, check=False)
+    assert "| 3 of 4 " in shown.stdout
+
+
+def test_cluttered_scenarios_have_the_same_scenes():
+    plain, *others = (
+        read_scenario(SKILLS / f"scenarios/{name}.toml")
+        for name in ("clutter", "clutter-adapted", "clutter-kept-out")
+    )
+    assert [(each.adapt, each.avoid) for each in (plain, *others)] == [
+        (False, False),
+        (True, False),
+        (True, True),
+    ]
+    assert all(plain == other.changed(adapt=False, avoid=False) for other in others)

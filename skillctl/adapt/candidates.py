@@ -10,6 +10,7 @@ from skillctl.adapt.weights import most_helpful
 from skillctl.errors import ArtifactError, FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.skill import ActingSkill
+from skillctl.model.space import Space
 from skillctl.store import Lock, Registry, existing_store
 from skillctl.store.errors import NotLockedError
 from skillctl.store.source import Source, open_skill
@@ -71,7 +72,7 @@ def candidates_from_store(
     """
     root, space = existing_store(store), demonstrations.space
     readable, notes = newest_of_store(root, lock, but=but)
-    sources = [s for s in readable if isinstance(s.skill, ActingSkill) and s.skill.space == space]
+    sources = [s for s in readable if isinstance(s.skill, ActingSkill) and _alike(s.skill.space, space)]
     if len(sources) < 2:
         raise UsageError(
             f"the store {root} has {len(sources)} skills with coordinates "
@@ -105,6 +106,11 @@ def newest_of_store(
         except ArtifactError as error:
             notes.append(f"not considered: {error}")
     return sources, tuple(notes)
+
+
+def _alike(space: Space, other: Space) -> bool:
+    """Return whether states of two spaces are alike; a characteristic length can be changed."""
+    return all(getattr(space, what) == getattr(other, what) for what in ("kind", "names", "unit", "frame"))
 
 
 def _helpful(sources: Sequence[Source], demonstrations: DemonstrationSet) -> tuple[Source, ...]:

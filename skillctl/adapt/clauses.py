@@ -18,10 +18,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillctl.arrays import FloatArray
+from skillctl.errors import UsageError
 from skillctl.geometry import resample_by_arc_length
 from skillctl.model.space import Space
 
 COMPARED = 40  # points of two paths that are compared, evenly spaced in arc length
+TURN = 5.0  # [deg], allowed at the end of a pose unless the task has another number
 STILL = 1e-9  # [m] of a step: a shorter one has no direction
 
 # Strict: 0.3 and 1 are numbers, "0.3" and true are not.
@@ -123,6 +125,8 @@ class Target(Clause):
     Attributes:
         position: Where, in the skill's frame: coordinates; of poses also ``x,y,z,qx,qy,qz,qw``.
         tolerance: Within this distance it has arrived, [m].
+        tolerance_deg: Largest angle to the target's orientation at the end, [deg]; a clause of its own. None:
+            ``TURN`` where the position is a pose, else none.
     """
 
     unit: ClassVar[str] = "m"
@@ -130,6 +134,7 @@ class Target(Clause):
 
     position: Vector
     tolerance: Positive = 0.005
+    tolerance_deg: Positive | None = None
 
     def margins(self, paths: Paths) -> FloatArray:
         """Return by how much the end is nearer to the target than it must be."""
@@ -138,6 +143,30 @@ class Target(Clause):
     def scale(self, way: float) -> float:
         """Return a quarter of the tolerance: motions end when they are a good deal nearer than it."""
         return 0.25 * self.tolerance
+
+
+class Orientation(Clause):
+    """The hand ends with the target's orientation; [deg].
+
+    Attributes:
+        most: Largest angle between both, [deg].
+    """
+
+    unit: ClassVar[str] = "deg"
+    signal: ClassVar[str] = "F G (angle to the target's orientation ≤ tolerance-deg)"
+
+    most: Positive
+
+    def margins(self, paths: Paths) -> FloatArray:
+        """Return by how much the last angle is smaller than it may be."""
+        _, angles = paths.space.apart(paths.states[:, -1], paths.target)
+        if angles is None:
+            raise UsageError("target.tolerance-deg: the skills have no orientation.", hint="Leave it out.")
+        return np.asarray(self.most - np.degrees(angles))
+
+    def scale(self, way: float) -> float:
+        """Return a quarter of the tolerance, as of the position."""
+        return 0.25 * self.most
 
 
 class Via(Clause):

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from skillctl.adapt.clauses import Clause, NotNegative, Number, Paths, Positive, Vector, lengths
 from skillctl.arrays import FloatArray
+from skillctl.model.coordinates.bodies import Ball, Body, Box, Cylinder, Ellipsoid
 
 NEWTON_STEPS = 15  # towards the nearest point of an ellipsoid; from below it converges quadratically
 TINY = 1e-300
@@ -49,6 +50,10 @@ class KeepOutClause(Clause):
         """Return points (n, d) of the surface whose convex hull is, nearly, the body: for pictures."""
         raise NotImplementedError
 
+    def body(self, name: str) -> Body:
+        """Return the body as coordinates and controllers know it, under the name of the clause."""
+        raise NotImplementedError
+
     def _offsets(self, points: FloatArray) -> FloatArray:
         return np.asarray(points - np.array(self.centre))
 
@@ -66,6 +71,10 @@ class KeepOutBall(KeepOutClause):
     def outline(self) -> FloatArray:
         """Return points of the sphere."""
         return np.array(self.centre) + self.radius * _sphere(len(self.centre))
+
+    def body(self, name: str) -> Body:
+        """Return the ball."""
+        return Ball(name, self.centre, self.radius)
 
 
 class KeepOutTurned(KeepOutClause):
@@ -113,6 +122,10 @@ class KeepOutEllipsoid(KeepOutTurned):
         """Return points of the surface."""
         return self._placed(_sphere(len(self.radii)) * np.array(self.radii))
 
+    def body(self, name: str) -> Body:
+        """Return the ellipsoid."""
+        return Ellipsoid(name, self.centre, turn=self.turn, radii=self.radii)
+
 
 class KeepOutBox(KeepOutTurned):
     """A box with edges ``size`` [m] along its own axes."""
@@ -128,6 +141,10 @@ class KeepOutBox(KeepOutTurned):
         """Return the corners."""
         signs = np.array(list(product((-0.5, 0.5), repeat=len(self.size))))
         return self._placed(signs * np.array(self.size))
+
+    def body(self, name: str) -> Body:
+        """Return the box."""
+        return Box(name, self.centre, turn=self.turn, size=self.size)
 
 
 class KeepOutCylinder(KeepOutTurned):
@@ -150,8 +167,12 @@ class KeepOutCylinder(KeepOutTurned):
         lids = [np.column_stack([rim, np.full(len(rim), side * self.height)]) for side in (-0.5, 0.5)]
         return self._placed(np.concatenate(lids))
 
+    def body(self, name: str) -> Body:
+        """Return the cylinder."""
+        return Cylinder(name, self.centre, turn=self.turn, radius=self.radius, height=self.height)
 
-Body: TypeAlias = Annotated[
+
+AnyKeepOut: TypeAlias = Annotated[
     KeepOutBall | KeepOutEllipsoid | KeepOutBox | KeepOutCylinder, Field(discriminator="kind")
 ]
 BODIES: tuple[type[KeepOutClause], ...] = (KeepOutBall, KeepOutEllipsoid, KeepOutBox, KeepOutCylinder)

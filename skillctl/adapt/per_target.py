@@ -17,6 +17,7 @@ from skillctl.arrays import FloatArray
 from skillctl.compose.merge import with_weights
 from skillctl.errors import UsageError
 from skillctl.model.coordinates.bodies import Box
+from skillctl.model.gates import gate_parameters, merge_gate
 from skillctl.model.merged import MergedSkill
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
@@ -31,7 +32,7 @@ from skillctl.simulation.scene import cup_middle
 GRIDS = {2: 20, 3: 10, 4: 6}  # number of parts → into how many steps a weight is divided
 FINER = (1 / 20, 1 / 40)  # weights that are moved from one part to another, round by round
 STEP = 0.02  # [s], of motions that are followed
-LONGEST = 12.0  # [s]
+LONGEST = 30.0  # [s]
 TOLERANCE = 0.005  # [m]
 
 
@@ -40,8 +41,8 @@ def adapted(skill: Skill, scenario: Scenario) -> Skill:
 
     All weights on a grid over the simplex, and then ever finer ones around the best, are followed at once.
     The best keep farthest from what the hand must not touch, which is grown by the hand (see
-    ``simulation.avoid``). What is proved of a merged skill holds for all weights, so nothing has to be proved
-    again. Of the rest of the arm nothing is known.
+    ``simulation.avoid``); of equal ones those that the skill has. What is proved of a merged skill holds for
+    all weights, so nothing has to be proved again. Of the rest of the arm nothing is known.
 
     Args:
         skill: A merged skill in three dimensions.
@@ -50,9 +51,8 @@ def adapted(skill: Skill, scenario: Scenario) -> Skill:
     Raises:
         UsageError: A skill of another kind, or with more parts than weights can be tried for.
     """
-    require_merged(skill)
     weighing = Weighing.of(skill, scenario)
-    best = weighing.best(grid(len(skill.parts)))
+    best = weighing.best([skill.shares, *grid(len(skill.parts))])
     for finer in FINER:
         best = weighing.best([best, *_neighbours(best, finer)])
     return with_weights(weighing.skill, best)
@@ -69,6 +69,14 @@ def require_merged(skill: Skill) -> None:
         raise UsageError(
             f"adapt: chooses weights of {min(GRIDS)} to {max(GRIDS)} parts, not of {len(skill.parts)}.",
             hint="Merge fewer skills.",
+        )
+    if skill.space.dimension != 3 or skill.space.unit != "m":
+        raise UsageError(
+            "adapt: chooses the weights of skills that move a hand's position in three dimensions."
+        )
+    if dict(skill.parameters) != gate_parameters(merge_gate(skill.gate), {}):
+        raise UsageError(
+            f"adapt: searches with the defaults of the {skill.gate} gate, which this skill does not have."
         )
 
 

@@ -9,6 +9,7 @@ from itertools import combinations, product
 import numpy as np
 
 from skillctl.adapt.blends import Blend, Blends
+from skillctl.adapt.clauses import compared, lengths
 from skillctl.adapt.judge import ARRIVED, RESOLVED, Judge, follow, padded
 from skillctl.adapt.task_file import Task
 from skillctl.arrays import FloatArray
@@ -30,7 +31,8 @@ SLOWER = 2.5  # a merger is followed for this many times the time of the slowest
 RESOLUTION = 150  # steps of a merger, at least, in the time of the slowest single skill
 LONGEST_STEP = 0.02  # [s]
 MOST_PARTS = 3  # of a store that are searched; each more makes a common proof harder
-PAIRED = 8  # skills that are tried in pairs, those that alone are best
+PAIRED = 8  # skills that are tried in pairs, those that alone are best and move differently
+ALIKE = 0.05  # of the way: motions that are nearer to each other on average are alike
 ROUNDS = 3  # of a search that is repeated with starts from which its result fails
 DRAWN = 200  # starts that look for such
 ADDED = 8  # of them
@@ -184,8 +186,8 @@ def shortlist(
 ) -> tuple[int, ...]:
     """Return which skills, at most ``MOST_PARTS`` of them, help most with a task: rising indices.
 
-    Each is judged alone; the best of them in pairs that move with the mean of both velocities, whatever their
-    P and charts. The parts of the best pairs are taken, and the best single skill.
+    Each is judged alone; the best that move differently are judged in pairs that move with the mean of both
+    velocities, whatever their P and charts. The parts of the best pairs are taken, and the best single skill.
     """
     starts = task.start.spread(STARTS // 2)
     usable = {i: skill for i, skill in enumerate(skills) if len(skill.attractors) == 1}
@@ -196,7 +198,9 @@ def shortlist(
     singles = {i: retargeted(skill, judge.target) for i, skill in usable.items()}
     alone = {i: _Motions(*follow(s, judge.starts, task), contraction_period(s)) for i, s in singles.items()}
     ranked = sorted(trial.singles(singles, alone), key=_score, reverse=True)
-    best = [c.parts[0] for c in ranked[:PAIRED]]
+    order = [c.parts[0] for c in ranked]
+    fresh = _different(order, {i: m.states for i, m in alone.items()}, task.way)[:PAIRED]
+    best = [*fresh, *(i for i in order if i not in fresh)][: max(len(fresh), MOST_PARTS)]
     pairs = list(combinations(best, 2))
     slowest = max(alone[i].step * alone[i].states.shape[1] for i in best)
     step = min(LONGEST_STEP, slowest / RESOLUTION, *(RESOLVED * alone[i].period for i in best))
@@ -209,6 +213,18 @@ def shortlist(
         if len(chosen) >= MOST_PARTS:
             break
     return tuple(sorted(chosen[:MOST_PARTS]))
+
+
+def _different(ranked: Sequence[int], motions: Mapping[int, FloatArray], way: float) -> list[int]:
+    """Return indices by rank, without those whose motions (n, T, d) are like those of a better one."""
+    ways: list[FloatArray] = []
+    fresh: list[int] = []
+    for i in ranked:
+        path = compared(motions[i])
+        if all(float(lengths(path - other).mean()) > ALIKE * way for other in ways):
+            ways.append(path)
+            fresh.append(i)
+    return fresh
 
 
 def _paired(

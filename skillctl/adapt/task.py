@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from skillctl import metrics
+from skillctl.adapt.charted import charted, uncharted
 from skillctl.adapt.follow import follow
 from skillctl.adapt.options import FitLevel
 from skillctl.adapt.pace import motions_from, paced, paths_to
@@ -19,6 +20,7 @@ from skillctl.errors import FitError
 from skillctl.geometry import phases
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.merged import MergedSkill
+from skillctl.model.retarget import goal_of
 from skillctl.model.skill import ActingSkill, Skill
 from skillctl.model.space import Space
 
@@ -113,22 +115,27 @@ def fit_to_task(
     whole motions, from the best of those weights, equal weights and one part alone. Of everything tried, the
     result has the smallest mean DTW distance to the demonstrations and their neighbours, provided that on
     the demonstrations alone it does at least as well as one part alone and equal weights. What it does not
-    show: how near motions from other starts come, for which see ``held_out``.
+    show: how near motions from other starts come, for which see ``held_out``. Of poses, distances are those
+    of charted states, in which an angle counts as the characteristic length says.
 
     Args:
         parts: Two or more SEDS or merged skills.
         task: Demonstrations of the new task.
         lyapunov: Common P of the parts, (d, d).
         level: One weight per part, or ``component``: also one factor per component.
-        target: Attractor of the result; by default the mean of the demonstrations' end points.
+        target: Attractor of the result, as of ``retargeted``; what is not given of it is the mean of the
+            demonstrations' ends.
 
     Raises:
         UsageError, NoCommonLyapunovError: As ``compose.merge``.
         FitError: Every mixture that was tried diverges.
     """
-    if target is None:
-        target = tuple(np.mean([motion.positions[-1] for motion in task], axis=0).tolist())
-    parts = merge_skills(parts, target=target, lyapunov=lyapunov).parts
+    goal = task.space.mean(np.array([motion.positions[-1] for motion in task]))
+    if target is not None:
+        goal = goal_of(task.space, target, goal)
+    members = merge_skills(parts, target=goal, lyapunov=lyapunov).parts
+    space, attractor = members[0].space, members[0].attractor
+    parts, task = charted(members, task)
     families = [_family(motion, task.space) for motion in task]
     plain = _unfitted(parts, families)
     pairs = _pairs(plain, families)
@@ -144,7 +151,8 @@ def fit_to_task(
         held_out = _errors(plain, np.array([fold.distances[i, 0] for i, fold in enumerate(folds)]))
     errors = _errors(plain, best.distances[:, 0])
     used = tuple(np.flatnonzero(best.weights).tolist())
-    return FittedMerger(best.skill, used, best.choice, errors, held_out, best.late)
+    found = uncharted(best.skill, space, attractor)
+    return FittedMerger(found, used, best.choice, errors, held_out, best.late)
 
 
 def task_distances(

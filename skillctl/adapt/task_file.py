@@ -39,11 +39,13 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from skillctl.adapt.clauses import (
+    TURN,
     Approach,
     Clause,
     Demonstrations,
     Like,
     NotNegative,
+    Orientation,
     PeriodLimit,
     Positive,
     SpeedLimit,
@@ -54,7 +56,7 @@ from skillctl.adapt.clauses import (
     Vector,
     Via,
 )
-from skillctl.adapt.keep_out import BODIES, Body, box_between
+from skillctl.adapt.keep_out import BODIES, AnyKeepOut, box_between
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
@@ -64,6 +66,7 @@ from skillctl.simulation.scene import boxes, cup_middle
 from skillctl.toml_files import complaint, parse_toml, read_toml
 
 HINT = "`skillctl adapt --print-task DEMO` writes one."
+POSE = 7  # numbers of a pose, x,y,z,qx,qy,qz,qw: clauses about places have three
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST_CORNERS = 8  # of a start box with more, only the lowest and the highest are tried
 
@@ -163,7 +166,7 @@ class Task(Table):
     target: Target
     start: Start
     via: tuple[Via, ...] = ()
-    keep_out: tuple[Body, ...] = ()
+    keep_out: tuple[AnyKeepOut, ...] = ()
     stay_in: tuple[StayIn, ...] = ()
     approach: Approach | None = None
     limits: Limits = Limits()
@@ -184,19 +187,21 @@ class Task(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> Task:
         d = len(self.target.position)
+        sizes = {d, 3} if d == POSE else {d}
         for name, clause in self.clauses.items():
             for key in ("point", "low", "direction", "centre", "size", "radii"):
                 numbers = getattr(clause, key, None)
-                if numbers is not None and len(numbers) != min(d, 3 if d > 6 else d):
-                    raise ValueError(
-                        f"{name}.{key}: expected {d} numbers as of the target, got {len(numbers)}."
-                    )
+                if numbers is not None and len(numbers) not in sizes:
+                    raise ValueError(f"{name}.{key}: expected {min(sizes)} numbers, got {len(numbers)}.")
         return self
 
     @property
     def clauses(self) -> dict[str, Clause]:
         """All clauses by their names; a clause without one is called by its key, and counted if need be."""
         entries: list[tuple[str, Clause]] = [("target", self.target)]
+        turn = self.target.tolerance_deg or (TURN if len(self.target.position) == POSE else None)
+        if turn is not None:
+            entries.append(("target.orientation", Orientation(name="target.orientation", most=turn)))
         for key in ("via", "keep_out", "stay_in", "demonstrations", "like"):
             entries += [(key.replace("_", "-"), clause) for clause in getattr(self, key)]
         entries += [("approach", self.approach)] if self.approach else []

@@ -8,8 +8,10 @@ import numpy as np
 
 from skillctl.adapt.clauses import Clause, PeriodLimit, StayIn, Target, TimeLimit
 from skillctl.adapt.judge import Judge
+from skillctl.adapt.keep_out import KeepOutClause
 from skillctl.adapt.report import ClauseVerdict, TaskVerdict
 from skillctl.adapt.task_file import Task
+from skillctl.arrays import FloatArray
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
@@ -78,7 +80,8 @@ def proved_margin(
     """Return the margin of a clause that is proved for every start in the box; None if nothing is proved.
 
     - ``target``: every motion converges to it, so it comes as near as the tolerance, and stays.
-    - ``stay-in``: {V ≤ c} around the start box lies in the box.
+    - ``stay-in``: the box around {V ≤ c}, c the largest V in the start box, lies in the clause's box.
+    - ``keep-out``: that box lies beside the box around the body; nothing is proved if it does not.
     - ``time``: √V falls by e^(−r t); the bound is far above what is measured.
     - ``period``: the certificate's.
     """
@@ -93,6 +96,9 @@ def proved_margin(
         k = len(clause.low)
         low = min(a - b for a, b in zip(reach.low[:k], clause.low, strict=True))
         return min(low, *(b - a for a, b in zip(reach.high[:k], clause.high, strict=True)))
+    if isinstance(clause, KeepOutClause):
+        beside = _apart(reach, *clause.body("body").bounds) - clause.clearance - task.hand_radius
+        return beside if beside >= 0 else None
     if isinstance(clause, TimeLimit) and at_target and reach.arrival is not None:
         return clause.most - reach.arrival if reach.arrival_distance <= task.target.tolerance else None
     return None
@@ -100,8 +106,15 @@ def proved_margin(
 
 def _reach(task: Task, skill: Skill, certificate: Certificate) -> Reach | None:
     """Return where motions from the start box can go, if a clause asks for it and something is proved."""
-    asked = any(isinstance(clause, StayIn | TimeLimit) for clause in task.clauses.values())
+    asked = any(isinstance(clause, StayIn | KeepOutClause | TimeLimit) for clause in task.clauses.values())
     low, high = task.start.box
     if not asked or len(low) > MOST_COORDINATES:
         return None
-    return bound_reach(skill, certificate, low, high)
+    k = skill.space.positions
+    return bound_reach(skill, certificate, low[:k], high[:k])
+
+
+def _apart(reach: Reach, low: FloatArray, high: FloatArray) -> float:
+    """Return how far the box that motions stay in is from another one, (k,) each; negative if they meet."""
+    k = len(low)
+    return float(np.maximum(low - np.array(reach.high[:k]), np.array(reach.low[:k]) - high).max())

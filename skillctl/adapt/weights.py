@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skillctl.adapt.charted import charted
 from skillctl.arrays import FloatArray
-from skillctl.compose.parts import normalised, on_one_attractor
+from skillctl.compose.parts import in_one_space, normalised, on_one_attractor
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.merged import MergedSkill
 from skillctl.model.skill import ActingSkill
@@ -71,8 +72,8 @@ def most_helpful(
         Indices, rising; empty if no part moves along.
     """
     target = demonstrations.demonstrations[0].positions[-1]
-    members = on_one_attractor(parts, np.full(len(parts), 1 / len(parts)), target)
-    fields, goal = _least_squares(members, demonstrations)
+    members = on_one_attractor(in_one_space(parts), np.full(len(parts), 1 / len(parts)), target)
+    fields, goal = _least_squares(*charted(members, demonstrations))
     lengths = np.linalg.norm(fields, axis=0)
     chosen = np.arange(len(members))
     while True:

@@ -41,7 +41,7 @@ class Shown:
     )
     at: tuple[float, ...] | None = option(
         read=read_numbers,
-        metavar="X,Y,Z",
+        metavar="X,Y,Z[,QX,QY,QZ,QW]",
         help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
     )
     demos: bool = option(False, help="Show each demonstration, of a skill with many, too.")

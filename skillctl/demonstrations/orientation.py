@@ -145,7 +145,7 @@ def quaternions_of(recording: Recording, samples: IntArray) -> tuple[FloatArray,
     refuse(~np.isfinite(numbers).all(axis=1), "its orientation is not finite.")
     refuse(
         (convention.angles(numbers) > TURN).any(axis=1),
-        f"its orientation turns by up to {np.max(convention.angles(numbers), initial=0):.4g} rad; are these "
+        f"its orientation has angles up to {np.max(convention.angles(numbers), initial=0):.4g}; are they "
         "degrees?",
         f"If so, say --orientation {convention.name}-deg, or write the unit in the header, as in roll_deg.",
     )

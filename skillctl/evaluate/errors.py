@@ -35,7 +35,7 @@ def report_errors(
         skill: What was learned, or merged.
         demonstrations: What it was learned from, ending at its attractor.
         leaf: Which leaf of the whole skill tree ``skill`` is.
-        ends: States in which each ended when it was recorded, (d,), before it was moved to end there: errors against
+        ends: Where each ended when it was recorded, (d,), before it was moved to end there: errors against
             the demonstrations as they were recorded are reported, too.
     """
     space, target = skill.space, skill.attractor
@@ -78,7 +78,7 @@ def report_errors(
 
 
 def _warped(path: FloatArray, shown: FloatArray, space: Space) -> tuple[float | None, float | None]:
-    """Return the DTW distance of positions and that of orientations; None if it diverged, or there is none."""
+    """Return the DTW distances of positions and of orientations; None if it diverged, or there is none."""
     n = space.positions
     distance = metrics.dtw(path[:, :n], shown[:, :n])
     angle = np.inf if n == space.dimension else metrics.dtw_angle(path[:, n:], shown[:, n:])
@@ -153,7 +153,5 @@ class HeldOut:
 
     def results(self) -> dict[str, Any]:
         """Return it as an operation's results keep it: without angles where there are none."""
-        kept = {
-            name: value for name, value in asdict(self).items() if value is not None or "angle" not in name
-        }
-        return {PREFIX + name: value for name, value in kept.items()}
+        angles = {"dtw_angle", "worst_dtw_angle"} if self.dtw_angle is None else set()
+        return {PREFIX + name: value for name, value in asdict(self).items() if name not in angles}

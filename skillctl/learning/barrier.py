@@ -130,17 +130,16 @@ def constrained_regression(
     Returns:
         A, shape (K, d, d), strictly stable.
     """
-    k, d, _ = gram.shape
-    blocks = barrier.blocks
+    d, blocks = gram.shape[1], barrier.blocks
+    linear = free(precisions @ cross, blocks)
     if start is None:
         unbound = np.asarray(np.linalg.solve(gram, cross.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64)
-        start, first_level = filled(free(unbound, blocks), blocks), -1
+        start, first_level = unbound * filled(np.ones(linear.shape[1]), blocks), -1
     else:  # an earlier solution is near the central path at a lower weight already
         first_level = -3
     matrices = strictly_inside(start, barrier)
-    quadratic = np.einsum("kia,kjb->kijab", precisions, gram)
-    quadratic = free(free(quadratic, blocks).transpose(0, 3, 1, 2), blocks)  # symmetric
-    linear = free(precisions @ cross, blocks)
+    quadratic = free(np.einsum("kia,kjb->kabij", precisions, gram), blocks)
+    quadratic = free(quadratic.transpose(0, 3, 1, 2), blocks)
     scale = np.trace(gram @ precisions, axis1=1, axis2=2) / d
 
     def cost(candidates: FloatArray, weight: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which entries of system matrices are free: those of square blocks along the diagonal.
 
-A matrix (d, d) with blocks of sizes (b₁, b₂, …) has m = Σ b² free entries, which are counted block by block and
-within a block row by row; all others are zero. One block of size d leaves all free.
+A matrix (d, d) with blocks of sizes (b₁, b₂, …) has m = Σ b² free entries, which are counted block by block
+and within a block row by row; all others are zero. One block of size d leaves all free.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _entries(sizes: Sizes) -> IntArray:
 def free(matrices: FloatArray, sizes: Sizes) -> FloatArray:
     """Return the free entries (..., m) of matrices (..., d, d)."""
     flat = matrices.reshape(*matrices.shape[:-2], -1)
-    return np.asarray(flat[..., _entries(sizes)])
+    return np.take(flat, _entries(sizes), axis=-1)
 
 
 def filled(entries: FloatArray, sizes: Sizes) -> FloatArray:

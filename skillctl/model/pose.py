@@ -111,9 +111,10 @@ class Pose(Space):
             moved[..., :3] = goal[:3] + rotations.turned(moved[..., :3] - goal[:3], base)
         return moved
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
         """Return the mean of positions and that of orientations (6,) of poses (n, 6)."""
-        return np.concatenate([weights @ states[:, :3], rotations.mean(states[:, 3:], weights)])
+        positions = Space.mean(self, states[:, :3], weights)
+        return np.concatenate([positions, rotations.mean(states[:, 3:], weights)])
 
     def middle(self, states: FloatArray) -> FloatArray:
         """Return the median of positions and that of orientations (6,): the sum of angles to it is least."""
@@ -231,6 +232,13 @@ class Pose(Space):
         inverse = rotations.quaternion_of(-base[0], -base[1], -base[2])
         turn = rotations.vector_of(*rotations.product_of(rotations.quaternion_of(*r), inverse))
         return np.array([x - px, y - py, z - pz, *turn])
+
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one pose (6,)."""
+        x, y, z, *r = state.tolist()
+        dx, dy, dz, *by = difference.tolist()
+        turned = rotations.product_of(rotations.quaternion_of(*by), rotations.quaternion_of(*r))
+        return np.array([x + dx, y + dy, z + dz, *rotations.vector_of(*turned)])
 
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return √(‖Δp‖² + ℓ²θ²) of two poses (6,), [m]."""

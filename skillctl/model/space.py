@@ -123,9 +123,9 @@ class Space(ABC):
         """
         return self.placed(self.offsets(states, target), goal)
 
-    def mean(self, states: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return the mean (d,) of states (n, d) with weights (n,) that sum to one."""
-        return np.asarray(weights @ states)
+    def mean(self, states: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+        """Return the mean (d,) of states (n, d), with weights (n,) that sum to one, or equal ones."""
+        return np.asarray(states.mean(axis=0) if weights is None else weights @ states)
 
     def middle(self, states: FloatArray) -> FloatArray:
         """Return the median (d,) of states (n, d), of each coordinate: one far off hardly moves it."""
@@ -138,6 +138,10 @@ class Space(ABC):
     def difference_at(self, to: FloatArray, start: FloatArray) -> FloatArray:
         """Return as ``difference`` for two states (d,)."""
         return self.difference(to, start)
+
+    def displace_at(self, state: FloatArray, difference: FloatArray) -> FloatArray:
+        """Return as ``displace`` for one state (d,)."""
+        return self.displace(state, difference)
 
     def distance_at(self, to: FloatArray, start: FloatArray) -> float:
         """Return how far apart two states (d,) are, in the unit."""

@@ -64,7 +64,7 @@ def _start_of(demo: int, skill: Skill, taught: Taught, scenario: Scenario) -> tu
     space, start, target = skill.space, demonstrations[demo].positions[0], scenario.target
     if target is not None and target != "cup" and len(target) in space.sizes:
         goal = retargeted(skill, target).attractors[0]
-        start = space.displace(start, space.difference(goal, skill.attractors[0]))
+        start = space.carried(start, skill.attractors[0], goal, turn=scenario.turn)
     return tuple(start.tolist())
 
 

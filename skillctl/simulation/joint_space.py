@@ -43,7 +43,7 @@ def joint_setup(skill: Skill, model: ArmModel, scenario: Scenario) -> Setup:
     """
     _require_joints(skill, model, scenario)
     if isinstance(scenario.target, tuple):
-        skill = retargeted(skill, scenario.target)
+        skill = retargeted(skill, scenario.target, turn=scenario.turn)
     placement = _placement(skill, model)
     home = np.array(model.home_joints(0.0))
     start = home if scenario.start is None else placement.to_workspace(np.array(scenario.start))

@@ -173,7 +173,7 @@ def plan_motion(
     for _ in range(round(LONGEST_PLAN / CONTROL_PERIOD)):
         velocity = motion.velocity(place)
         # A place of a skill in a plane has three numbers; flat spaces do not mind.
-        place = skill.space.displace(place, CONTROL_PERIOD * velocity)
+        place = skill.space.displace_at(place, CONTROL_PERIOD * velocity)
         if not motion.gap(place, np.zeros_like(place))[0] < farthest:
             break
         places.append(place)

@@ -124,6 +124,9 @@ class ScenarioOptions:
         help="Target of the motion, in the skill's coordinates; cup: the middle of the cup. A pose skill "
         "keeps the orientation of its target with cup and X,Y,Z.",
     )
+    turn: bool = option(
+        False, group=MOTION, help="Turn the whole motion of a pose skill with its --target, way and all."
+    )
     max_speed: float | None = option(
         name="speed", metavar="M/S", group=MOTION, help="Largest speed of the hand. Default: 0.3."
     )

@@ -46,7 +46,7 @@ class Follower:
         if moved > FEEDBACK_GAP or turned > FEEDBACK_TURN:
             velocity = velocity + FEEDBACK_RATE * gap
         step = CONTROL_PERIOD * velocity
-        goal = space.displace(reference, step)
+        goal = space.displace_at(reference, step)
         solution = self._kinematics.follow(goal, self.joints)
         if not solution.accepted:  # the joints stop; the reference goes on and may become reachable again
             limiting = self._limiting(solution.joints)
@@ -54,7 +54,7 @@ class Follower:
             return 1.0
         joint_step = solution.joints - self.joints
         share = 1.0 / max(1.0, float((np.abs(joint_step) / self._largest_step).max()))
-        self.tracking = Tracking(space.displace(reference, share * step), solution.residual)
+        self.tracking = Tracking(space.displace_at(reference, share * step), solution.residual)
         self.joints = self.joints + share * joint_step
         return share
 

@@ -19,7 +19,7 @@ from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.ik import POSE_POSITION, Kinematics, Solution
 from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
@@ -55,7 +55,11 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     _require_start(skill, scenario)
     _require_hand(skill, scenario)
     if isinstance(scenario.target, tuple):
-        skill = retargeted(skill, scenario.target)
+        skill = retargeted(skill, scenario.target, turn=scenario.turn)
+    elif scenario.turn:
+        raise UsageError(
+            "turn: there is no target to turn with.", hint="Add --target X,Y,Z,QX,QY,QZ,QW, a pose."
+        )
     fallback: Setup | None = None
     for placement in placements(skill, model, scenario):
         moved = skill
@@ -118,7 +122,7 @@ def among_scene(skill: Skill, scenario: Scenario) -> AmongScene:
     if scenario.target == "cup":
         skill = retargeted(skill, placement.to_state(cup_middle(scenario)))
     elif scenario.target is not None:
-        skill = retargeted(skill, scenario.target)
+        skill = retargeted(skill, scenario.target, turn=scenario.turn)
     base_yaw = _base_yaw(skill, placement, scenario)
     with silenced(1), ArmBody(model, base_yaw, shapes="none") as body:
         kinematics = Kinematics(body, _hands(skill, placement, scenario)[0], base_yaw)
@@ -213,7 +217,7 @@ def _required(name: str, place: FloatArray, solution: Solution, scenario: Scenar
     if solution.accepted:
         return solution.joints
     (x, y, z), missed = place[:3], f"{1e3 * solution.residual:.0f} mm"
-    if len(place) > 3:
+    if len(place) > 3 or solution.residual < POSE_POSITION:  # the orientation is what is missing
         missed += f" and {math.degrees(solution.turn):.0f}°"
     option = "cup" if name == "target" and scenario.target == "cup" else name
     raise RefusedError(

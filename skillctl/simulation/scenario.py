@@ -273,6 +273,7 @@ class Scenario(Part):
             10 cm before its front edge, 13 cm above the lowest board.
         target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
             as it is perceived. None: not moved.
+        turn: Whether the whole motion of a pose skill turns with its target.
         plane: Workspace plane of a 2-D skill. None: by its coordinate names.
         scale: Workspace metres per metre of the skill. None: 1; a 2-D skill much smaller or larger than
             the workspace is scaled to 0.3 m.
@@ -312,6 +313,7 @@ class Scenario(Part):
     hold: dict[str, Number] = Field(default_factory=dict)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
+    turn: Flag = False
     plane: Plane | None = None
     scale: Positive | None = None
     origin: Point | None = None

@@ -36,6 +36,11 @@ from skillctl.store.ties import require_ties
 from skillctl.store.tree import model_arrays, node_of, skill_of, unknown_gates
 
 HALF_TURN = np.pi * (1 + 2.0**-50)  # [rad]; vectors of rotations by 180° are rounded to a little more or less
+# Of a report: of demonstrations that were moved, and of poses.
+SOME_HAVE = (
+    *("moved", "dtw_unmoved"),
+    *("turning_rmse", "dtw_angle", "end_angle", "moved_angle", "dtw_angle_unmoved"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +116,10 @@ def metadata_of(artifact: Artifact) -> dict[str, Any]:
 
 
 def _dumped(meta: Meta) -> dict[str, Any]:
-    """Return metadata as JSON values, without the keys that only demonstrations which were moved have."""
+    """Return metadata as JSON values, without the keys that only some reports on demonstrations have."""
     value = meta.model_dump(mode="json")
     for report in value["reports"]:
-        for name in ("moved", "dtw_unmoved"):
+        for name in SOME_HAVE:
             if report[name] is None:
                 del report[name]
     return value

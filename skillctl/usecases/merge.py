@@ -42,6 +42,7 @@ from skillctl.usecases.make import (
     write_child,
 )
 
+ANGLES = "the errors count angles by the characteristic length of the skills."
 LATE = 1.05  # times as long as demonstrated: a later merger has a note
 STRAY = (
     0.05  # of the extent; skills are within 1 or 2 % of what they were taught, mixtures of two ways 5 to 30 %
@@ -163,11 +164,10 @@ def _merged(
     def build() -> tuple[Artifact, Certificate, _Details]:
         _try(options, sources)
         given = options.speed or 1.0
-        together = prove_together(
-            prepared(sources, options), options.merge, speed=given, refit=refit, progress=progress
-        )
+        ready = prepared(sources, options)
+        together = prove_together(ready, options.merge, speed=given, refit=refit, progress=progress)
         merged = options.merge(together.parts, together.lyapunov)
-        merged, notes = _paced(merged, sources) if options.speed is None else (merged, [])
+        merged, notes = _paced(merged, ready) if options.speed is None else (merged, [])
         certificate = require_stable(certify(merged))
         done = operation.model_copy(update={"results": together.results})
         artifact = child_artifact(merged, sources, done, together.reports, turn=options.turn)
@@ -248,7 +248,8 @@ def _fitted(
         )
         idle = [source.name for i, source in enumerate(sources) if i not in fitted.used]
         left_out = [f"{', '.join(idle)}: no weight, left out."] if idle else []
-        notes = (*read.notes, *found.notes, *left_out, *_lateness(fitted.late))
+        angles = [] if fitted.skill.space.flat else [ANGLES]
+        notes = (*read.notes, *found.notes, *left_out, *_lateness(fitted.late), *angles)
         return artifact, certificate, _Details(together, report, notes)
 
     fits = partial(_fits, sources)

@@ -20,6 +20,10 @@ from skillctl.model.rollout import rollout
 from skillctl.model.space import Euclidean
 from skillctl.simulation.scenario import Scenario
 from skillctl.stability.certificate import certify
+from skillctl.usecases.check_reach import check_reach
+from skillctl.usecases.files import save
+from skillctl.usecases.simulate import simulate
+from skillctl.usecases.simulate_many import simulate_many
 
 START, GOAL = np.array([0.5, -0.25, 0.5]), np.array([0.5, 0.25, 0.5])
 POST = {"kind": "cylinder", "name": "post", "radius": 0.02, "height": 0.5}
@@ -101,3 +105,30 @@ def test_only_merged_skills_of_a_few_parts_have_weights_to_choose(swinging):
     many = max(GRIDS) + 1
     with pytest.raises(UsageError, match=f"not of {many}"):
         adapted(replace(swinging, parts=(part,) * many, part_weights=np.full(many, 1 / many)), scenario(0.6))
+
+
+def test_where_nothing_is_in_the_way_a_skill_keeps_its_weights(swinging):
+    own = with_weights(swinging, [0.37, 0.63])
+    found = adapted(own, scenario(0.5).changed(obstacles=()))
+    assert found.shares == pytest.approx([0.37, 0.63], rel=1e-15)
+
+
+def test_gates_that_the_search_does_not_follow_are_refused(swinging):
+    sharp = replace(swinging, gate="experts", parameters={"sharpness": 2.0})
+    with pytest.raises(UsageError, match="defaults of the experts gate"):
+        adapted(sharp, scenario(0.5))
+    assert adapted(replace(sharp, parameters={}), scenario(0.5)).gate == "experts"
+
+
+def test_a_simulated_arm_passes_a_post_that_it_touches_with_equal_weights(swinging, tmp_path):
+    path = save(swinging, tmp_path / "swinging.h5")
+    post = scenario(0.5).changed(avoid=False)
+    plain, chosen = (simulate(path, post.changed(adapt=adapt)) for adapt in (False, True))
+    assert (plain.outcome, chosen.outcome) == ("shelf_contact", "reached")
+    many = simulate_many(path, post.changed(adapt=True, noise=1e-4, episodes=1))
+    assert many.successes == 1
+    assert check_reach(path, post.changed(adapt=True)).reachability.reachable
+    assert not check_reach(path, post).reachability.reachable
+    part = save(swinging.parts[0], tmp_path / "part.h5")
+    with pytest.raises(UsageError, match="weights of a merged skill; this is a seds one"):
+        simulate(part, post.changed(adapt=True))

@@ -9,14 +9,16 @@ import pytest
 
 from skillctl.adapt.blends import Blends
 from skillctl.adapt.judge import Judge
-from skillctl.adapt.search import search
+from skillctl.adapt.search import search, shortlist
 from skillctl.adapt.task_file import Task
+from skillctl.adapt.verdict import judge_task
 from skillctl.errors import UsageError
 from skillctl.model.gates import MERGE_GATES
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Euclidean
+from skillctl.stability.certificate import certify
 
 
 def linear(matrix, *, attractor=(0.0, 0.0)):
@@ -157,3 +159,43 @@ def test_another_dimension_is_refused():
             ),
             [FLAT],
         )
+
+
+def test_what_is_proved_of_each_clause():
+    """P = I and V = x² + y²: from the box up to (1, 1) no motion of ẋ = −x leaves the circle of radius √2."""
+    slow = linear([[-1.0, 0.0], [0.0, -1.0]])
+    wanted = task(
+        limits={"time": 20.0, "period": 0.5},
+        **{
+            "stay-in": [
+                {"name": "wide", "low": (-2.0, -2.0), "high": (2.0, 2.0)},
+                {"name": "tight", "low": (-0.1, -0.1), "high": (1.1, 1.1)},
+            ],
+            "keep-out": [
+                {"name": "far", "kind": "ball", "centre": (3.0, 0.0), "radius": 0.5, "clearance": 0.1},
+                {"name": "near", "kind": "ball", "centre": (1.0, -0.5), "radius": 0.1},
+            ],
+        },
+    )
+    verdict = judge_task(wanted, slow, certify(slow))
+    bounds = {each.clause: each.bound for each in verdict.clauses}
+    assert verdict.holds
+    assert bounds["target"] == 0.02
+    assert bounds["wide"] == pytest.approx(2 - np.sqrt(2), abs=1e-9)
+    assert bounds["tight"] == pytest.approx(0.1 - np.sqrt(2), abs=1e-9)  # not proved
+    assert bounds["far"] == pytest.approx(3.0 - 0.5 - 0.1 - np.sqrt(2), abs=1e-6)
+    assert bounds["near"] is None
+    assert bounds["limits.period"] == pytest.approx(2.0 - 0.5, abs=1e-6)  # |1 − Δt| < 1 for Δt < 2
+    # From √2 to 0.02 at rate 1 it takes ln(√2 / 0.02) at least; the bound is about 1 mm, and for long steps.
+    assert 0 < bounds["limits.time"] < 20 - np.log(np.sqrt(2) / 0.02)
+    assert {each.clause for each in verdict.clauses if each.proved} >= {"target", "wide", "far"}
+
+
+def test_of_many_skills_those_that_move_differently_are_taken():
+    crowd = [linear([[-1.0, 0.0], [0.0, -4.0 - 0.01 * i]]) for i in range(5)]  # all but the same motion
+    wanted = task(via=[{"name": "middle", "point": (0.5, 0.5), "within": 0.08}])
+    skills = [*crowd, STEEP, *crowd]
+    chosen = shortlist(wanted, skills)
+    assert len(chosen) == 3
+    assert 5 in chosen
+    assert search(wanted, [skills[i] for i in chosen]).best.holds

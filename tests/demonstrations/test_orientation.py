@@ -220,12 +220,22 @@ def test_an_orientation_that_is_none_everywhere_was_not_measured(read_text: Text
     assert read_demonstrations(paths).demonstrations.dimension == 6
 
 
-def test_a_still_orientation_is_kept(read_text: Text) -> None:
-    still = np.tile(END.as_quat(), (SAMPLES, 1))
-    result = read_text(table("t,x,y,z,qx,qy,qz,qw", still))
-    assert apart(turned(result.demonstrations), END) <= 10 * WRITTEN
+@pytest.mark.parametrize(("angle", "still"), [(0.0, True), (0.9 * STILL, True), (1.1 * STILL, False)])
+def test_a_still_orientation_is_kept(read_text: Text, angle: float, still: bool) -> None:
+    rotations = END * Rotation.from_rotvec(np.outer(1 - DONE, [0, angle, 0]))
+    result = read_text(table("t,x,y,z,qx,qy,qz,qw", rotations.as_quat()))
+    assert apart(turned(result.demonstrations), rotations) <= 10 * WRITTEN
     assert result.demonstrations.space == Pose(length=LENGTHS[1])
-    assert "the orientation does not change; the skill keeps it." in result.notes
+    assert ("the orientation does not change; the skill keeps it." in result.notes) == still
+
+
+def test_a_row_is_repeated_only_if_its_orientation_is_too(read_text: Text) -> None:
+    header, *rows = table("t,x,y,z,qx,qy,qz,qw", QUATERNIONS).splitlines()
+    result = read_text("\n".join([header, *rows[:5], rows[4], *rows[5:]]))
+    assert "1 repeated rows were dropped" in result.notes[-1]
+    other = ",".join([*rows[4].split(",")[:4], "0,0,0,1"])
+    with pytest.raises(InputDataError, match=r"line 7: time stamp 0\.2 s repeats the one before"):
+        read_text("\n".join([header, *rows[:5], other, *rows[5:]]))
 
 
 def test_the_characteristic_length_is_the_ratio_of_the_spreads(write) -> None:
@@ -307,8 +317,8 @@ MIRROR = (TURNED[10].as_matrix() @ np.diag([1, 1, -1])).ravel()
         ("qx,qy,qz,qw", changed(QUATERNIONS, 10, [np.nan, 0, 0, 1]), "its orientation is not finite"),
         (HEADERS["matrix"][0][8:], changed(MATRICES, 10, MIRROR), "it mirrors (its determinant is -1)"),
         (HEADERS["matrix"][0][8:], changed(MATRICES, 10, 1.1 * MATRICES[10]), "not orthonormal, by 21%"),
-        ("roll,pitch,yaw", changed(ANGLES, 10, [0, 0, 179]), "turns by up to 179 rad; are these degrees"),
-        ("rx,ry,rz", changed(ANGLES, 10, [0, 90, 0]), "turns by up to 90 rad; are these degrees"),
+        ("roll,pitch,yaw", changed(ANGLES, 10, [0, 0, 179]), "has angles up to 179; are they degrees?"),
+        ("rx,ry,rz", changed(ANGLES, 10, [0, 90, 0]), "has angles up to 90; are they degrees?"),
     ],
 )
 def test_what_is_no_orientation_is_refused_by_line(read_text: Text, header, columns, words) -> None:

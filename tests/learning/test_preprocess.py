@@ -119,7 +119,7 @@ def test_training_data_do_not_depend_on_the_unit(curved: Curved, unit: float) ->
 
 
 def test_embedded_demonstrations_are_short_and_keep_their_ends(curved: Curved) -> None:
-    kept = embedded(curved(samples=1000))
+    kept = embedded(curved(samples=1000), np.zeros(2))
     for short, full in zip(kept, curved(samples=1000), strict=True):
         assert len(short.times) == 200
         np.testing.assert_array_equal(short.positions[[0, -1]], full.positions[[0, -1]])

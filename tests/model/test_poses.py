@@ -90,6 +90,7 @@ def test_differences_are_twists_in_the_base_frame():
         assert np.abs(turned @ Rotation.from_rotvec(start[3:]).as_matrix() - expected).max() <= 1e-12
         assert np.abs(SPACE.difference_at(end, start) - twist).max() <= 64 * EPS
         assert SPACE.distance_at(end, start) == pytest.approx(float(SPACE.distance(end, start)), rel=1e-14)
+        assert SPACE.distance(SPACE.displace_at(start, twist), end) <= 64 * EPS
     assert SPACE.distance(SPACE.displace(starts, twists), ends).max() <= 64 * EPS
 
 

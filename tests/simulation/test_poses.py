@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and
 from PIL import Image
 
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.pose import Pose
@@ -26,9 +28,10 @@ from skillctl.simulation.draws import TURN_SCATTER, chosen
 from skillctl.simulation.episode import Episode, RefusedError
 from skillctl.simulation.ik import POSE_ANGLE, POSE_POSITION, Kinematics
 from skillctl.simulation.picture import encode_picture
+from skillctl.simulation.prepare import prepare
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
-from skillctl.simulation.scenario import Displace, Sampling, Scenario
+from skillctl.simulation.scenario import Cup, Displace, Sampling, Scenario, Shelf
 from tests.simulation.test_ik import panda_hand
 
 TARGET = (0.58, 0.2, 0.55)
@@ -215,3 +218,41 @@ def test_a_drawn_start_is_turned_as_the_nearest_demonstrated_one(turning: MakeTu
     fixed = chosen(skill, taught, Scenario(start=(0.4, 0.15, 0.5)), demo=None, episode=None).start
     assert fixed is not None
     assert (Rotation.from_rotvec(fixed[3:]) * ahead(0.4).inv()).magnitude() < 1e-12
+
+
+def test_the_part_that_acts_turns_the_hand_for_the_cup_its_own_way(turning: MakeTurning) -> None:
+    def part(yaw: float) -> SedsSkill:
+        """Return a part that was taught motions in the direction of the hand."""
+        skill = turning(yaw)
+        means = skill.means - 0.1 * np.array([[math.cos(yaw), math.sin(yaw), 0.0, 0.0, 0.0, 0.0]])
+        density = GaussianMixture(np.ones(1), means, skill.covariances)
+        return replace(skill, means=means, density=density)
+
+    skill = CombinedSkill((part(0.5), part(-0.5)), part_priors=np.array([0.5, 0.5]), gate="latched")
+    start = (0.62 - 0.22 * math.cos(0.5), 0.1 - 0.22 * math.sin(0.5), 0.76, *ahead(0.4).as_quat())
+    scenario = Scenario(scene=Shelf(), target="cup", cup=Cup(position=(0.62, 0.1)), start=start)
+    run = simulate(skill, scenario)
+    assert run.outcome == "grasped"
+    at_cup = run.series.phases == 0
+    turn = Rotation.from_quat(run.series.hand_turns[at_cup][-1]) * ahead(0.5).inv()
+    assert turn.magnitude() < scenario.grasp.turn
+    assert run.metrics.cup_moved < 2e-3
+
+
+def test_the_whole_motion_turns_with_its_target(turning: MakeTurning) -> None:
+    bent = turning()
+    bent = replace(bent, system_matrices=-np.diag([2.0, 1.0, 2.0, 2.0, 2.0, 2.0])[None])
+    target = (*TARGET, *ahead(0.9).as_quat().tolist())
+    states = np.array([[*START, *ahead(0.1).as_rotvec()]])
+    ways = {}
+    for turn in (False, True):
+        setup = prepare(bent, Scenario(start=START, target=target, turn=turn))
+        assert np.allclose(setup.skill.attractors[0, 3:], ahead(0.9).as_rotvec(), rtol=0, atol=1e-12)
+        ways[turn] = setup.skill.velocity(states)[0, :3]
+    turned = Rotation.from_euler("Z", 0.9 - 0.5)
+    offset = np.array(START) - TARGET
+    assert np.allclose(ways[False], [-2, -1, -2] * offset, rtol=0, atol=1e-12)
+    expected = turned.apply([-2, -1, -2] * turned.inv().apply(offset))
+    assert np.allclose(ways[True], expected, rtol=0, atol=1e-12)
+    with pytest.raises(UsageError, match="no target to turn with"):
+        prepare(bent, Scenario(start=START, turn=True))
