@@ -104,8 +104,7 @@ def test_the_oracle_counts_a_scene_that_any_of_the_skills_does(tmp_path):
     assert (report["successes"], report["episodes"]) == (3, 4)
     (tmp_path / "best--clutter.json").write_bytes(done.stdout)
     table = [sys.executable, SKILLS / "table.py", tmp_path / "best--clutter.json"]
-    shown = subprocess.run(table, capture_output=True, text=True, check=False)
-    assert "| 3 of 4 " in shown.stdout
+    assert b"| 3 of 4 " in subprocess.run(table, capture_output=True, check=True).stdout
 
 
 def test_cluttered_scenarios_have_the_same_scenes():

@@ -52,10 +52,7 @@ def adapted(skill: Skill, scenario: Scenario) -> Skill:
         UsageError: A skill of another kind, or with more parts than weights can be tried for.
     """
     weighing = Weighing.of(skill, scenario)
-    best = weighing.best([skill.shares, *grid(len(skill.parts))])
-    for finer in FINER:
-        best = weighing.best([best, *_neighbours(best, finer)])
-    return with_weights(weighing.skill, best)
+    return with_weights(weighing.skill, weighing.chosen())
 
 
 def require_merged(skill: Skill) -> None:
@@ -128,6 +125,13 @@ class Weighing:
         )
         parts = [retargeted(part, target) for part in skill.parts]
         return cls(skill, Judge.of(task, skill, start[None]), Blends(parts))
+
+    def chosen(self) -> FloatArray:
+        """Return the weights that suit best, zero or more, summing to one. Shape (N,)."""
+        best = self.best([self.skill.shares, *grid(len(self.skill.parts))])
+        for finer in FINER:
+            best = self.best([best, *_neighbours(best, finer)])
+        return best
 
     def margins(self, tried: Sequence[FloatArray]) -> dict[str, FloatArray]:
         """Return the margin of every clause for weights (N,) each, by its name. Shape (number tried, 1)."""

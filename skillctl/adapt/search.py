@@ -15,6 +15,7 @@ from skillctl.adapt.task_file import Task
 from skillctl.arrays import FloatArray
 from skillctl.compose.combine import combine
 from skillctl.compose.merge import common_members
+from skillctl.compose.parts import in_one_space
 from skillctl.errors import FitError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.gates import MERGE_GATES
@@ -141,7 +142,7 @@ def search(
     parts = _common(list(singles.values())) if parts is None else common_members(parts, None)
     merged: list[Candidate] = []
     if parts is not None and len(parts) > 1:
-        moved = [retargeted(part, judge.target) for part in parts]
+        moved = [retargeted(part, judge.target) for part in in_one_space(parts)]
         slowest = max(motions.step * motions.states.shape[1] for motions in alone.values())
         merged = trial.merged(Blends(moved), slowest)
     equal = next((c for c in merged if c.gate == MERGE_GATES[0].name and np.ptp(c.weights) == 0), None)
@@ -164,9 +165,9 @@ def search_robustly(
     starts = task.start.spread(STARTS)
     for number in range(ROUNDS):
         found = search(task, skills, parts, starts=starts, shown=shown, like=like)
-        if not found.best.holds or task.start.points is not None:
-            break
         drawn = task.start.drawn(DRAWN, FIRST_SEED + number)
+        if not found.best.holds or len(drawn) < DRAWN:  # there are no others
+            break
         skill = found.best.build()
         margins = Judge.of(task, skill, drawn, shown, like).trial(skill)
         worst = np.min([values for values in margins.values() if len(values) == DRAWN], axis=0)

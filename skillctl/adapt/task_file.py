@@ -60,6 +60,7 @@ from skillctl.adapt.keep_out import BODIES, AnyKeepOut, box_between
 from skillctl.arrays import FloatArray
 from skillctl.errors import InputDataError, UsageError
 from skillctl.model.demonstration import DemonstrationSet
+from skillctl.rotations import quaternions
 from skillctl.simulation.scenario import CylinderObstacle, MeshObstacle, Scenario
 from skillctl.simulation.scenario_file import read_scenario
 from skillctl.simulation.scene import boxes, cup_middle
@@ -123,10 +124,10 @@ class Start(Table):
         return np.concatenate([corners, low + np.reshape(inner, (-1, len(low))) * (high - low)])
 
     def drawn(self, count: int, seed: int) -> FloatArray:
-        """Return ``count`` starts drawn evenly from the box by a seed, or all points. Shape (n, d)."""
-        if self.points is not None:
-            return np.array(self.points)
+        """Return ``count`` starts drawn evenly from the box by a seed, or all there are. Shape (n, d)."""
         low, high = self.box
+        if self.points is not None or (low == high).all():
+            return self.corners()
         return np.random.default_rng(seed).uniform(low, high, (count, len(low)))
 
 
@@ -294,7 +295,10 @@ def task_of_demonstrations(demonstrations: DemonstrationSet, names: tuple[str, .
     """
     starts = np.stack([motion.positions[0] for motion in demonstrations])
     ends = np.stack([motion.positions[-1] for motion in demonstrations])
-    target, way = ends.mean(axis=0), float(np.linalg.norm(starts - ends, axis=1).mean())
+    target, way = ends.mean(axis=0), float(demonstrations.space.apart(starts, ends)[0].mean())
+    k = demonstrations.space.positions
+    if k < len(target):  # the last pose: a mean of orientations is none
+        target = np.concatenate([target[:k], quaternions(ends[-1, k:])])
     return Task(
         target={"position": _rounded(target)},
         start={"low": _rounded(starts.min(axis=0)), "high": _rounded(starts.max(axis=0))},

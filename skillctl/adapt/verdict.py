@@ -48,7 +48,7 @@ def judge_task(
         UsageError: The task has another dimension than the skill.
     """
     drawn = task.start.drawn(FRESH, seed)
-    corners = task.start.corners() if task.start.points is None else drawn[:0]
+    corners = task.start.corners() if len(drawn) == FRESH else drawn[:0]
     judge = Judge.of(task, skill, np.concatenate([drawn, corners]), shown, like)
     margins = judge.trial(skill)
     reach = _reach(task, skill, certificate)

@@ -34,7 +34,11 @@ def diff(
         bool, typer.Option("--exit-code", help="Exit 1 if they behave differently.")
     ] = False,
     atol: Annotated[
-        float, typer.Option(metavar="X", help="Velocities, positions and rates may differ by this much.")
+        float,
+        typer.Option(
+            metavar="X",
+            help="Positions, angles, velocities and rates may differ by this much, in SI units.",
+        ),
     ] = 1e-9,
     rtol: Annotated[
         float, typer.Option(metavar="X", help="They may also differ by this share of their value in A.")

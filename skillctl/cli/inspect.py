@@ -17,6 +17,7 @@ from skillctl.options import RESULT, option, read_numbers
 
 if TYPE_CHECKING:
     from skillctl.evaluate.place import Place, Region
+    from skillctl.store import DemonstrationReport
     from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node, StateMeaning
 
@@ -44,7 +45,7 @@ class Shown:
         metavar="X,Y,Z[,QX,QY,QZ,QW]",
         help="Show also what the skill does there: which part acts, the velocity, where the motion ends.",
     )
-    demos: bool = option(False, help="Show each demonstration, of a skill with many, too.")
+    demos: bool = option(False, help="Show every demonstration, also where there are many.")
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=RESULT, help="Draw it: field, demonstrations, motions, regions."
     )
@@ -150,13 +151,25 @@ def _errors(report: InspectReport) -> render.Table:
     columns = {
         "leaf": lambda of_leaf: of_leaf[0].leaf + 1,
         "median velocity RMSE": lambda of_leaf: words.per_second(
-            median(one.velocity_rmse or 0.0 for one in of_leaf), unit
+            _of(median, of_leaf, "velocity_rmse"), unit, _of(median, of_leaf, "turning_rmse")
         ),
-        "median DTW": lambda of_leaf: words.length(median(one.dtw or 0.0 for one in of_leaf), unit),
-        "worst DTW": lambda of_leaf: words.length(max(one.dtw or 0.0 for one in of_leaf), unit),
+        "median DTW": lambda of_leaf: words.apart(
+            _of(median, of_leaf, "dtw"), _of(median, of_leaf, "dtw_angle"), unit
+        ),
+        "worst DTW": lambda of_leaf: words.apart(
+            _of(max, of_leaf, "dtw"), _of(max, of_leaf, "dtw_angle"), unit
+        ),
         "arrive": lambda of_leaf: f"{sum(bool(one.arrived) for one in of_leaf)} of {len(of_leaf)}",
     }
     return render.table([[one for one in reports if one.leaf == leaf] for leaf in taught], columns)
+
+
+def _of(
+    measure: Callable[[list[float]], float], reports: Sequence[DemonstrationReport], error: str
+) -> float | None:
+    """Return the median or largest of an error over reports; None where it is known of none."""
+    known = [value for value in (getattr(report, error) for report in reports) if value is not None]
+    return measure(known) if known else None
 
 
 def _place(place: Place, space: StateMeaning) -> render.Facts:

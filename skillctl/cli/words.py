@@ -51,7 +51,7 @@ def apart(distance: float | None, turned: float | None, unit: str) -> str:
 
 def roll_pitch_yaw(angles: Sequence[float] | None) -> str:
     """Return an orientation for people: degrees about the fixed axes x, then y, then z; a dash if none."""
-    return NONE if angles is None else ", ".join(f"{math.degrees(each) + 0.0:.4g}°" for each in angles)
+    return NONE if angles is None else ", ".join(f"{math.degrees(each) + 0.0:.3g}°" for each in angles)
 
 
 def state(names: Sequence[str], units: Sequence[str]) -> str:
@@ -180,7 +180,11 @@ def held_out(errors: HeldOut | None, unit: str) -> tuple[tuple[str, str], ...]:
     """Return the errors on demonstrations left out, as facts; none if they were not asked for."""
     if errors is None:
         return ()
-    distances = f"DTW {length(errors.dtw, unit)} on average, {length(errors.worst_dtw, unit)} at worst"
+    mean, worst = (
+        apart(distance, angle, unit)
+        for distance, angle in ((errors.dtw, errors.dtw_angle), (errors.worst_dtw, errors.worst_dtw_angle))
+    )
+    distances = f"DTW {mean} on average; {worst} at worst"
     return (("left out", f"{distances}; {errors.arrived} of {errors.demonstrations} arrive"),)
 
 
@@ -239,25 +243,33 @@ def demonstrations(reports: Sequence[DemonstrationReport], unit: str, *, with_le
     """Return a table of how well each demonstration is repeated."""
     leaf = {"leaf": lambda report: report.leaf + 1} if with_leaf else {}
     moved = {
-        "moved": lambda report: length(report.moved, unit),
-        "DTW unmoved": lambda report: length(report.dtw_unmoved, unit),
+        "moved": lambda report: apart(report.moved, report.moved_angle, unit),
+        "DTW unmoved": lambda report: apart(report.dtw_unmoved, report.dtw_angle_unmoved, unit),
     }
     columns = {
         **leaf,
         "demonstration": lambda report: report.source,
         "duration": lambda report: f"{report.duration:.2f} s",
-        "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit),
-        "DTW": lambda report: length(report.dtw, unit),
-        **(moved if any((each.moved or 0.0) > SHOWN * (each.dtw or 0.0) for each in reports) else {}),
+        "velocity RMSE": lambda report: per_second(report.velocity_rmse, unit, report.turning_rmse),
+        "DTW": lambda report: apart(report.dtw, report.dtw_angle, unit),
+        **(moved if any(map(_was_moved, reports)) else {}),
         "arrives": lambda report: (
-            f"no, {length(report.end_error, unit)} off" if report.arrived is False else yes_no(report.arrived)
+            f"no, {apart(report.end_error, report.end_angle, unit)} off"
+            if report.arrived is False
+            else yes_no(report.arrived)
         ),
     }
     return table(reports, columns)
+
+
+def _was_moved(report: DemonstrationReport) -> bool:
+    """Return whether a demonstration was moved so far that it is worth a column."""
+    errors = (report.moved, report.dtw), (report.moved_angle, report.dtw_angle)
+    return any((moved or 0.0) > SHOWN * (dtw or 0.0) for moved, dtw in errors)
 
 
 def per_second(value: float | None, unit: str, turning: float | None = None) -> str:
     """Return a speed for people, and beside it how fast something turns, [rad/s], if it does."""
     text = length(value, unit)
     moving = text if text == NONE else f"{text}/s"
-    return moving if turning is None else f"{moving} and {angle(turning)}/s"
+    return moving if turning is None else f"{moving}, {angle(turning)}/s"

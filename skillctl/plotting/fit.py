@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +17,9 @@ from skillctl.plotting.panels import columns_of, latest_of, traced
 from skillctl.plotting.portrait import Motion, Portrait, box_around
 from skillctl.plotting.skill import WIDTH
 
+Apart: TypeAlias = "tuple[float | None, float | None]"  # a distance, and an angle [rad]
+
+UNKNOWN: Apart = (None, None)
 MOST_PROFILES = 12  # panels of speed; paths are drawn of all
 ACROSS = 4
 HEADROOM = 2.5  # of the fastest demonstration; a faster motion is cut off and its peak given as a number
@@ -23,18 +27,19 @@ HEADROOM = 2.5  # of the fastest demonstration; a faster motion is cut off and i
 
 def draw_fit(
     portrait: Portrait,
-    errors: Sequence[float | None],
+    errors: Sequence[Apart],
     left_out: Sequence[Motion] = (),
-    moved: Sequence[float | None] = (),
+    moved: Sequence[Apart] = (),
 ) -> Figure:
     """Return the figure of a fit.
 
     Args:
         portrait: The learned skill, with at least one demonstration.
-        errors: Mean DTW distance to each of its demonstrations, in the unit of the space; None if unknown.
+        errors: Mean DTW distance to each of its demonstrations, in the unit of the space, and angle, [rad];
+            None if unknown.
         left_out: For each demonstration, the motion from its start of a skill that was learned without it;
             empty if there are none.
-        moved: How far each demonstration was moved to end at the target, in the unit of the space; empty if
+        moved: How far each demonstration was moved and turned to end at the target, likewise; empty if
             unknown.
     """
     profiled = portrait.demonstrations[:MOST_PROFILES]
@@ -59,7 +64,7 @@ def draw_fit(
         for index, (axes, demonstration) in enumerate(zip(profiles, profiled, strict=True)):
             held = left_out[index] if left_out else None
             _draw_profile(axes, demonstration, portrait.motions[index], held, portrait, top)
-            error = _error(errors[index], moved[index] if moved else None, portrait)
+            error = _error(errors[index], moved[index] if moved else UNKNOWN, portrait)
             axes.set_title(f"{style.named(demonstration.source, 28)}\n{error}", fontsize=7.5)
         _label_outer(profiles, portrait, top)
         count = len(portrait.demonstrations)
@@ -72,13 +77,17 @@ def draw_fit(
     return figure
 
 
-def _error(distance: float | None, moved: float | None, portrait: Portrait) -> str:
+def _error(distance: Apart, moved: Apart, portrait: Portrait) -> str:
+    dtw = f"DTW {_said(distance, portrait)}"
+    between = ",\n" if portrait.turns else ", "  # there is no room for four numbers in a line
+    return f"{dtw}{between}moved {_said(moved, portrait)}" if any(moved) else dtw
+
+
+def _said(apart: Apart, portrait: Portrait) -> str:
     unit = portrait.skill.space.unit
-    dtw, aside = (
-        "–" if value is None else f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.3g} {unit}"
-        for value in (distance, moved)
-    )
-    return f"DTW {dtw}, moved {aside}" if moved else f"DTW {dtw}"
+    value, turned = apart
+    text = "–" if value is None else f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.3g} {unit}"
+    return text if turned is None else f"{text}, {math.degrees(turned):.2f}°"
 
 
 def _boxed(portrait: Portrait, left_out: Sequence[Motion]) -> Portrait:

@@ -44,6 +44,7 @@ PARTS: tuple[Colour, ...] = (
 )  # readers with any colour vision can distinguish these
 PALENESS = 0.6  # of the cups in an overview, so that lines of the same colour stand out
 AXES_SPACING, AXES_SIZE = 0.08, 0.035  # [m], of the hand's axes along a path
+FEW = 10  # paths in an overview; of more, fewer axes are drawn on each
 NEIGHBOURHOOD = 0.15  # [m]: the scene this far around the motions has to be in an overview
 
 # Directions from the motion to the camera, for a base that faces +x; planes are not mirrored.
@@ -153,7 +154,7 @@ class Scenery(Stage):
         canvas.dots(episode.setup.plan.path, PLAN, radius=0.9, spacing=7.0)
         canvas.line(series.hand[: row + 1], TRAIL, width=3.0)
         if episode.setup.turns:
-            _draw_axes(canvas, series.hand[: row + 1], series.hand_turns, width=2.0)
+            _draw_axes(canvas, series.hand[: row + 1], series.hand_turns, AXES_SPACING, width=2.0)
             canvas.axes(series.targets[row], series.target_turns[row], AXES_SIZE, width=2.0)
         canvas.ring(series.targets[row], TARGET, radius=9.0)
         canvas.disc(series.hand[row], TRAIL, radius=4.0)
@@ -171,9 +172,9 @@ class Scenery(Stage):
             self.put(self._cup, series.cups[row])
 
 
-def _draw_axes(canvas: Canvas, path: FloatArray, turns: FloatArray, width: float) -> None:
+def _draw_axes(canvas: Canvas, path: FloatArray, turns: FloatArray, spacing: float, width: float) -> None:
     """Draw the axes of a hand along its path (k, 3), with its orientations q_xyzw (k or more, 4)."""
-    for row in spread_out(path, AXES_SPACING).tolist():
+    for row in spread_out(path, spacing).tolist():
         canvas.axes(path[row], turns[row], AXES_SIZE, width)
 
 
@@ -244,7 +245,9 @@ def _all_of(visible: Sequence[tuple[Row, Trace]], colour_by: ColourBy) -> Image.
     for row, trace in visible:
         canvas.line(trace.path, _colour(row, trace, colour_by), width=2.2)
         if len(trace.turns):
-            _draw_axes(canvas, trace.path, trace.turns, width=1.2)
+            _draw_axes(
+                canvas, trace.path, trace.turns, AXES_SPACING * max(1.0, len(visible) / FEW), width=1.2
+            )
     for row, trace in visible:
         canvas.disc(trace.path[0], _colour(row, trace, colour_by), radius=3.0)
         if scene is None:

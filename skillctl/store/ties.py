@@ -63,6 +63,8 @@ class HeldOutResults(Strict):
     held_out_dtw: NotNegative | None
     held_out_worst_dtw: NotNegative | None
     held_out_arrived: Count
+    held_out_dtw_angle: NotNegative | None = None
+    held_out_worst_dtw_angle: NotNegative | None = None
 
 
 _ALWAYS: dict[str, type[BaseModel]] = {

@@ -274,25 +274,30 @@ def _sources(
         )
     if not from_store:
         sources = [open_skill(reference, destination.store, lock) for reference in skills]
-        spaces = {source.skill.space for source in sources}
-        if len(spaces) > 1:
+        if len(_spaces(sources)) > 1:
             raise UsageError(
                 "adapt: the skills have different coordinates, units or frames.",
                 hint="Learn them again with the same columns, units and frame.",
             )
         return sources, ()
-    d = len(asked.task.target.position)
+    size = len(asked.task.target.position)
     root = existing_store(destination.store)
     readable, notes = newest_of_store(root, lock, but=destination.name)
-    sources = [s for s in readable if isinstance(s.skill, ActingSkill) and s.skill.dimension == d]
-    spaces = {source.skill.space for source in sources}
-    if not sources or len(spaces) > 1:
+    acting = [source for source in readable if isinstance(source.skill, ActingSkill)]
+    sources = [s for s in acting if size in s.skill.space.sizes]
+    if not sources or len(_spaces(sources)) > 1:
         raise FitError(
-            f"the store {root} has {len(sources)} skills that are not combined and have {d} coordinates"
+            f"the store {root} has {len(sources)} skills that are not combined and have {size} coordinates"
             + (", in different units or frames." if sources else "."),
             hint="Learn skills in the coordinates of the task, or name them.",
         )
     return sources, notes
+
+
+def _spaces(sources: Sequence[Source]) -> set[tuple[object, ...]]:
+    """Return what states of the skills are; of poses without the length, which is made one for all."""
+    spaces = [source.skill.space for source in sources]
+    return {(space.kind, space.names, space.unit, space.frame) for space in spaces}
 
 
 def _shortlisted(sources: list[Source], asked: AskedTask) -> list[Source]:

@@ -10,7 +10,7 @@ from skillctl.simulation.draws import chosen
 from skillctl.simulation.scenario import Scenario
 from skillctl.store import Lock
 from skillctl.store.source import open_skill
-from skillctl.usecases.simulate import adapting
+from skillctl.usecases.simulate import adapted_to
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,5 @@ def check_reach(
     source = open_skill(reference, store, lock)
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
-    adapt = adapting(scenario, source.skill)
-    skill = adapt(source.skill, scenario) if adapt else source.skill
+    skill, _ = adapted_to(scenario, source.skill)
     return CheckReachReport(source.name, source.artifact.digest, check(skill, scenario))

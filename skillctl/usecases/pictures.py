@@ -12,7 +12,7 @@ from skillctl.adapt.task_file import recorded_task
 from skillctl.errors import StoreError, UsageError
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
-from skillctl.plotting.fit import draw_fit
+from skillctl.plotting.fit import UNKNOWN, draw_fit
 from skillctl.plotting.formats import require_few, require_picture
 from skillctl.plotting.portrait import Portrait, motions_from, portrait_of
 from skillctl.plotting.proof import Bounds, draw_proofs
@@ -208,6 +208,6 @@ def _fit_figure(name: str, artifact: Artifact, left_out: Sequence[LeftOut]) -> D
         motions_from(retargeted(each.skill, goal), demonstration.positions[:1], demonstration.duration)[0]
         for each, demonstration in zip(left_out, portrait.demonstrations, strict=bool(left_out))
     ]
-    errors = [report.dtw for report in artifact.reports]
-    moved = [report.moved for report in artifact.reports]
-    return draw_fit(portrait, errors or [None] * len(portrait.demonstrations), held, moved)
+    errors = [(report.dtw, report.dtw_angle) for report in artifact.reports]
+    moved = [(report.moved, report.moved_angle) for report in artifact.reports]
+    return draw_fit(portrait, errors or [UNKNOWN] * len(portrait.demonstrations), held, moved)

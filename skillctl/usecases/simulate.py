@@ -123,8 +123,7 @@ def simulate(
     taught = source.artifact.demonstrations
     scenario = chosen(source.skill, taught, scenario or Scenario(), demo=demo, episode=episode)
     files = _files(source.name, log, picture, video, progress)
-    adapt = adapting(scenario, source.skill)
-    skill = adapt(source.skill, scenario) if adapt else source.skill
+    skill, weighed = adapted_to(scenario, source.skill)
     result = run_episode(skill, scenario, progress=progress, gui=gui)
     for path, encode in files:
         if progress is not None:
@@ -151,7 +150,12 @@ def simulate(
         log=log,
         picture=picture,
         video=video,
-        notes=(*setup.arm.notes, *filter(None, [setup.avoided]), *proof_notes(source, scenario.control)),
+        notes=(
+            *weighed,
+            *setup.arm.notes,
+            *filter(None, [setup.avoided]),
+            *proof_notes(source, scenario.control),
+        ),
         tip=setup.arm.tip_link,
         held=dict(setup.arm.held),
         unit=setup.unit,
@@ -209,6 +213,23 @@ def adapting(scenario: Scenario, skill: Skill) -> Adapt | None:
 
     require_merged(skill)
     return adapted
+
+
+def adapted_to(scenario: Scenario, skill: Skill) -> tuple[Skill, tuple[str, ...]]:
+    """Return the skill that runs in the scenario of one episode, and a sentence if its weights were chosen.
+
+    Raises:
+        UsageError: They were to be, and those of this skill cannot be.
+    """
+    if not scenario.adapt:
+        return skill, ()
+    from skillctl.adapt.per_target import Weighing  # late, as in ``adapting``
+    from skillctl.compose.merge import with_weights
+
+    weighing = Weighing.of(skill, scenario)
+    weights = weighing.chosen()
+    said = ", ".join(f"{weight:.3g}" for weight in weights)
+    return with_weights(weighing.skill, weights), (f"weights chosen for this target and scene: {said}.",)
 
 
 def proof_notes(source: Source, control: str) -> tuple[str, ...]:

@@ -148,12 +148,13 @@ def _encode_overview(
     from skillctl.simulation.picture import encode_overview  # late: only pictures need Pillow
 
     low, high = report.interval
+    ends = source.skill.attractors[:, : source.skill.space.positions]
     return encode_overview(
         rows,
         title=source.name,
         verdict=f"{report.successes} of {report.episodes} succeeded; "
         f"{report.confidence:.0%} interval {low:.0%} to {high:.0%}",
-        colour_by=colour_by or ("part" if len(source.skill.attractors) > 1 else "outcome"),
+        colour_by=colour_by or ("part" if (ends != ends[0]).any() else "outcome"),
         parts=_part_names(source),
     )
 

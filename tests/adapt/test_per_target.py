@@ -125,6 +125,7 @@ def test_a_simulated_arm_passes_a_post_that_it_touches_with_equal_weights(swingi
     post = scenario(0.5).changed(avoid=False)
     plain, chosen = (simulate(path, post.changed(adapt=adapt)) for adapt in (False, True))
     assert (plain.outcome, chosen.outcome) == ("shelf_contact", "reached")
+    assert any(note.startswith("weights chosen for this target and scene: ") for note in chosen.notes)
     many = simulate_many(path, post.changed(adapt=True, noise=1e-4, episodes=1))
     assert many.successes == 1
     assert check_reach(path, post.changed(adapt=True)).reachability.reachable

@@ -20,7 +20,7 @@ TARGET = (0.5, -0.1, 0.4, *TURNED.as_quat().tolist())
 START = {"low": (0.2, -0.2, 0.3), "high": (0.25, -0.1, 0.35)}
 
 
-def straight(rates, turning: float = 2.0) -> SedsSkill:
+def straight(rates, turning: float = 2.0, length: float = 0.25) -> SedsSkill:
     """Each position coordinate decays at its own rate, the orientation at another."""
     matrix = np.diag([*(-np.array(rates)), *(3 * [-turning])])
     one = np.ones(1)
@@ -34,7 +34,7 @@ def straight(rates, turning: float = 2.0) -> SedsSkill:
         attractor=np.zeros(6),
         lyapunov=np.eye(6),
         density=density,
-        space=Pose(length=0.25),
+        space=Pose(length=length),
     )
 
 
@@ -71,7 +71,7 @@ def test_a_position_alone_keeps_the_orientation_of_the_skill():
 
 
 def test_mergers_of_poses_are_followed():
-    flat, steep = straight((1.0, 4.0, 4.0)), straight((4.0, 1.0, 1.0))
+    flat, steep = straight((1.0, 4.0, 4.0)), straight((4.0, 1.0, 1.0), length=0.4)
     middle = tuple(0.5 * (np.array([0.225, -0.15, 0.325]) + np.array(TARGET[:3])))
     wanted = Task(
         target={"position": TARGET, "tolerance": 0.01},

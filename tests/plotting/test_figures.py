@@ -169,7 +169,7 @@ def test_many_parents_go_on_in_the_next_row(portrait, monkeypatch):
 
 def test_a_fit_shows_paths_and_speeds_of_every_demonstration(portrait, lines, texts):
     shown = portrait(2)
-    figure = draw_fit(shown, [0.001, 0.002, None])
+    figure = draw_fit(shown, apart(0.001, 0.002, None))
     paths, *profiles = figure.axes
     assert len(lines(paths, DEMONSTRATION)) == len(lines(paths, MOTION)) == 3
     assert len(profiles) == 3
@@ -179,7 +179,7 @@ def test_a_fit_shows_paths_and_speeds_of_every_demonstration(portrait, lines, te
 
 
 def test_a_fit_says_how_far_demonstrations_were_moved(portrait):
-    _, *profiles = draw_fit(portrait(2), [0.001, 0.002, 0.003], moved=[0.0, 0.02, None]).axes
+    _, *profiles = draw_fit(portrait(2), apart(0.001, 0.002, 0.003), moved=apart(0.0, 0.02, None)).axes
     titles = [axes.get_title().split("\n")[1] for axes in profiles]
     assert titles == ["DTW 1.00 mm", "DTW 2.00 mm, moved 20.00 mm", "DTW 3.00 mm"]
 
@@ -189,7 +189,7 @@ def test_motions_learned_without_a_demonstration_are_marked(portrait, lines, tex
     shown = portrait(dimension)
     starts = np.array([d.positions[0] for d in shown.demonstrations])
     held = motions_from(shown.skill, starts, 2.0)
-    figure = draw_fit(shown, [0.001] * 3, held)
+    figure = draw_fit(shown, apart(*[0.001] * 3), held)
     assert "learned without that demonstration" in texts(figure)
     counts = [len(lines(axes, LEFT_OUT)) for axes in figure.axes]
     assert counts == [3] * (len(counts) - 3) + [1] * 3
@@ -198,7 +198,7 @@ def test_motions_learned_without_a_demonstration_are_marked(portrait, lines, tex
 def test_a_speed_beyond_all_demonstrations_is_told_in_numbers(portrait, texts):
     shown = portrait(2)
     quick = motions_from(replace(shown.skill, speed=50.0), shown.motions[0].positions[:1], 2.0)[0]
-    figure = draw_fit(replace(shown, motions=(quick, *shown.motions[1:])), [0.001] * 3)
+    figure = draw_fit(replace(shown, motions=(quick, *shown.motions[1:])), apart(*[0.001] * 3))
     fastest = max(np.linalg.norm(d.velocities, axis=1).max() for d in shown.demonstrations)
     assert figure.axes[1].get_ylim()[1] <= 2.5 * fastest
     assert any(text.startswith("peak ") for text in texts(figure))
@@ -207,9 +207,14 @@ def test_a_speed_beyond_all_demonstrations_is_told_in_numbers(portrait, texts):
 def test_of_very_many_demonstrations_some_speeds_are_shown_and_that_is_said(portrait, texts):
     shown = portrait(2)
     many = replace(shown, demonstrations=shown.demonstrations * 10, motions=shown.motions * 10)
-    figure = draw_fit(many, [0.001] * 30)
+    figure = draw_fit(many, apart(*[0.001] * 30))
     assert len(figure.axes) == 1 + MOST_PROFILES
     assert any(f"first {MOST_PROFILES} of 30" in text for text in texts(figure))
+
+
+def apart(*distances):
+    """Return distances without angles."""
+    return [(each, None) for each in distances]
 
 
 def bounds(**given):

@@ -80,7 +80,8 @@ def test_parts_with_other_orientations_have_their_own_angles(make_grasp, make_gr
 
 
 def test_a_fit_shows_angles_and_a_skill_left_out(grasp, lines):
-    figure = draw_fit(grasp, [0.001] * 3, grasp.motions)
+    figure = draw_fit(grasp, [(0.001, 0.02)] * 3, grasp.motions)
+    assert figure.axes[4].get_title().endswith("DTW 1.00 mm, 1.15°")
     assert [len(lines(axes, style.LEFT_OUT)) for axes in figure.axes[:4]] == [3] * 4
     assert figure.axes[3].get_ylabel() == "angle from target [°]"
 

@@ -97,7 +97,13 @@ HELD_OUT: dict[str, object] = {
 
 
 def test_learn_records_held_out_errors_as_a_whole_or_not_at_all(wrap, make_seds):
-    complete: list[dict[str, object]] = [{}, HELD_OUT, {"objective": 0.5, **HELD_OUT}]
+    angles: dict[str, object] = {"held_out_dtw_angle": 0.02, "held_out_worst_dtw_angle": 0.03}
+    complete: list[dict[str, object]] = [
+        {},
+        HELD_OUT,
+        {"objective": 0.5, **HELD_OUT},
+        {**HELD_OUT, **angles},
+    ]
     for results in complete:
         assert (
             store.decode(store.encode(stating(wrap, make_seds(1), results=results))).operation.results
