@@ -70,7 +70,8 @@ def adapt(
     from skillctl.usecases.adapt import print_task as task_text
 
     if print_task is not None:
-        context.obj.verbatim(task_text(print_task))
+        others = [path for path in (task, *(skills or ())) if path is not None]
+        context.obj.verbatim(task_text([print_task, *map(Path, others)]))
         return
     if task is None:
         hint = "`skillctl adapt --print-task DEMO` writes one."

@@ -246,17 +246,19 @@ def adapt(
     )
 
 
-def print_task(path: Path) -> str:
-    """Return a task file for demonstrations, or for a scenario with a target and starts.
+def print_task(paths: Sequence[Path]) -> str:
+    """Return a task file for demonstrations, or for one scenario with a target and starts.
 
     Raises:
-        NotFoundError, InputDataError: The file cannot be used.
-        UsageError: A scenario that lacks a target or starts.
+        NotFoundError, InputDataError: A file cannot be used.
+        UsageError: A scenario that lacks a target or starts, or that is not alone.
     """
-    if path.suffix == ".toml":
-        return to_toml(task_of_scenario(read_scenario(path)))
-    read = Reading().read([path])
-    return to_toml(task_of_demonstrations(read.demonstrations, (str(path),)))
+    if not any(path.suffix == ".toml" for path in paths):
+        read = Reading().read(paths)
+        return to_toml(task_of_demonstrations(read.demonstrations, tuple(map(str, paths))))
+    if len(paths) > 1:
+        raise UsageError("print-task: one scenario, or demonstrations, not both.", hint="Name one scenario.")
+    return to_toml(task_of_scenario(read_scenario(paths[0])))
 
 
 def _sources(
