@@ -241,7 +241,7 @@ def test_a_refusal_as_json_is_one_document_without_control_characters(run, good,
         np.array([[0.0, 1.0], [-1.0, 0.0]]),  # turns for ever
         np.array([[-1.0, 1.0], [1.0, -1.0]]),  # singular in one direction
         np.array([[-1.0, 1.0], [1.0, -(1 - 2.0**-53)]]),  # its determinant is negative by less than rounding
-        np.array([[-1.0, 0.0], [0.0, 5e-324]]),
+        np.array([[-1.0, 0.0], [0.0, 1e-100]]),
     ],
     ids=["zero", "turns", "singular", "rounds to definite", "smallest positive"],
 )
