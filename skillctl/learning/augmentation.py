@@ -16,7 +16,9 @@ def displaced_paths(paths: FloatArray, distance: float, share: float) -> tuple[F
 
     A copy starts behind and beside the demonstration, on either side, and its offset falls in proportion to
     the share of path left. (Ahead of a start there is the demonstration itself.) Without such copies a fit
-    may repeat the motion from the recorded start, and go astray from a start one millimetre beside it.
+    may repeat the motion from the recorded start, and go astray from a start one millimetre beside it. There
+    are two copies in up to three dimensions, and two more for every two further ones: with two alone, poses
+    that were left out were missed by half as much again.
 
     Args:
         paths: Demonstrations, shape (D, T, d).
@@ -24,19 +26,23 @@ def displaced_paths(paths: FloatArray, distance: float, share: float) -> tuple[F
         share: Share of the total weight that all copies together have.
 
     Returns:
-        Paths, shape (D or 3 D, T, d), and their weights.
+        Paths, shape (D, T, d) or, with n pairs of copies, ((1 + 2n) D, T, d), and their weights.
     """
     count, _, d = paths.shape
     if distance == 0:
         return paths, np.full(count, 1 / count)
     initial = _directions(paths[:, paths.shape[1] // 10] - paths[:, 0])
-    # A random direction of fixed seed, made perpendicular to the first tenth of the path.
-    across = np.random.default_rng(0).standard_normal((count, d))
-    across = _directions(across - (across * initial).sum(axis=1, keepdims=True) * initial)
     left = (1.0 - phases(paths))[..., None]
-    shifts = [distance * (sign * across - initial)[:, None] * left for sign in (1.0, -1.0)]
-    copies = np.concatenate([paths, *(paths + shift for shift in shifts)])
-    return copies, np.repeat([(1 - share) / count, share / (2 * count)], [count, 2 * count])
+    generator, taken, shifts = np.random.default_rng(0), [initial], []
+    for _ in range(max(1, d // 2)):
+        # A random direction of fixed seed, perpendicular to the first tenth of the path and to the others.
+        across = generator.standard_normal((count, d))
+        for direction in taken:
+            across = across - (across * direction).sum(axis=1, keepdims=True) * direction
+        taken.append(across := _directions(across))
+        shifts += [distance * (sign * across - initial)[:, None] * left for sign in (1.0, -1.0)]
+    copies, number = np.concatenate([paths, *(paths + shift for shift in shifts)]), len(shifts) * count
+    return copies, np.repeat([(1 - share) / count, share / number], [count, number])
 
 
 def distant_samples(data: TrainingData, distances: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:

@@ -38,23 +38,27 @@ def test_copies_beside_the_demonstrations_move_as_their_velocities_say(
     np.testing.assert_allclose(found[..., 1:-1, :][..., within, :], slopes[..., within, :], atol=0.01)
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_displaced_copies_start_behind_and_beside_and_arrive(curved: Curved, dimension: int) -> None:
+@pytest.mark.parametrize(("dimension", "pairs"), [(2, 1), (3, 1), (6, 3)])
+def test_displaced_copies_start_behind_and_beside_and_arrive(
+    curved: Curved, dimension: int, pairs: int
+) -> None:
     paths = training_data(*align(curved(dimension, 4)), samples=40).positions
     copies, weights = displaced_paths(paths, 0.1, 0.5)
 
-    assert len(copies) == 12
+    assert len(copies) == 4 + 8 * pairs
     np.testing.assert_array_equal(copies[:4], paths)
     np.testing.assert_array_equal(copies[:, -1], 0)
     assert weights[:4].sum() == pytest.approx(0.5)
     assert weights.sum() == pytest.approx(1)
     ahead = paths[:, 4] - paths[:, 0]
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    shifts = copies[4:, 0].reshape(2, 4, dimension) - paths[:, 0]
-    np.testing.assert_allclose((shifts * ahead).sum(axis=2), -0.1)  # behind, by as much as
+    shifts = copies[4:, 0].reshape(pairs, 2, 4, dimension) - paths[:, 0]
+    np.testing.assert_allclose((shifts * ahead).sum(axis=-1), -0.1)  # behind, by as much as
     aside = shifts + 0.1 * ahead
-    np.testing.assert_allclose(np.linalg.norm(aside, axis=2), 0.1)  # to the side
-    np.testing.assert_allclose(aside[0], -aside[1])  # on both sides
+    np.testing.assert_allclose(np.linalg.norm(aside, axis=-1), 0.1)  # to the side
+    np.testing.assert_allclose(aside[:, 0], -aside[:, 1])  # on both sides
+    turned = np.einsum("pni,qni->npq", aside[:, 0], aside[:, 0])  # each pair to another side
+    np.testing.assert_allclose(turned, np.broadcast_to(0.01 * np.eye(pairs), turned.shape), atol=1e-12)
 
 
 def test_no_displacement_makes_no_copies(curved: Curved) -> None:
