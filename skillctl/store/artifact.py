@@ -118,11 +118,14 @@ def metadata_of(artifact: Artifact) -> dict[str, Any]:
 def _dumped(meta: Meta) -> dict[str, Any]:
     """Return metadata as JSON values, without the keys that only some reports on demonstrations have."""
     value = meta.model_dump(mode="json")
-    for report in value["reports"]:
-        for name in SOME_HAVE:
-            if report[name] is None:
-                del report[name]
+    value["reports"] = [dumped_report(report) for report in meta.reports]
     return value
+
+
+def dumped_report(report: DemonstrationReport) -> dict[str, Any]:
+    """Return a report on a demonstration as JSON values, without the keys that only some have."""
+    values = report.model_dump(mode="json")
+    return {name: value for name, value in values.items() if value is not None or name not in SOME_HAVE}
 
 
 def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifact:

@@ -9,7 +9,7 @@ import numpy as np
 
 from skillctl.errors import StoreError
 from skillctl.model.demonstration import DemonstrationSet
-from skillctl.store.artifact import Artifact, arrays_of
+from skillctl.store.artifact import Artifact, arrays_of, dumped_report
 from skillctl.store.canonical import dump_canonical
 from skillctl.store.errors import Refusal
 from skillctl.store.files import MAX_FILE_BYTES
@@ -72,18 +72,20 @@ def require_room_for_records(
         StoreError: The records of so many demonstrations do not fit into an artifact.
     """
     reports = [
-        DemonstrationReport(
-            source=demonstration.source,
-            leaf=0,
-            n_points=len(demonstration.times),
-            duration=demonstration.duration,
-            velocity_rmse=_FEW_DIGITS,
-            dtw=_FEW_DIGITS,
-            end_error=_FEW_DIGITS,
-            arrived=True,
-            moved=_FEW_DIGITS,
-            dtw_unmoved=_FEW_DIGITS,
-        ).model_dump(mode="json")
+        dumped_report(
+            DemonstrationReport(
+                source=demonstration.source,
+                leaf=0,
+                n_points=len(demonstration.times),
+                duration=demonstration.duration,
+                velocity_rmse=_FEW_DIGITS,
+                dtw=_FEW_DIGITS,
+                end_error=_FEW_DIGITS,
+                arrived=True,
+                moved=_FEW_DIGITS,
+                dtw_unmoved=_FEW_DIGITS,
+            )
+        )
         for demonstration in demonstrations
     ]
     records = {

@@ -59,6 +59,7 @@ def taught(seed: int, space: Space, count: int = 2) -> DemonstrationSet:
         n = int(rng.integers(2, 9))
         times = np.cumsum(rng.uniform(0.01, 0.1, n))
         positions = rng.normal(size=(n, space.dimension))
+        positions[:, space.positions :] *= 0.2  # rotation vectors as of motions, which do not jump
         demonstrations.append(
             Demonstration.from_positions(times, positions, f"motion-{seed}.csv#{index}", space)
         )

@@ -75,11 +75,13 @@ def test_a_skill_of_any_kind_that_is_saved_says_that_python_made_it(run, curve, 
 # Sealed by somebody who knows the format
 
 
-def sealed(artifact, version=FORMAT_VERSION, **stated):
-    """The file of an artifact with another operation or version, though the format forbids it."""
+def sealed(artifact, version=FORMAT_VERSION, gate=None, **stated):
+    """The file of an artifact with another operation, gate or version, though the format forbids it."""
     arrays = arrays_of(artifact)
     meta = json.loads(arrays[META].tobytes())
     meta["operation"].update(stated)
+    if gate is not None:
+        meta["skill"]["gate"] = gate
     arrays[META] = np.frombuffer(json.dumps(meta, sort_keys=True, separators=(",", ":")).encode(), np.uint8)
     body = body_of(arrays, version)
     return seal(body, meta["skill"]["kind"], content_digest(arrays, version), version) + body
@@ -129,7 +131,7 @@ def test_a_merger_of_format_1_that_lacks_its_results_is_made_again(run, library,
 
 
 @pytest.mark.parametrize(
-    "later", [{"version": FORMAT_VERSION + 1}, {"command": "adapt"}], ids=["format", "feature"]
+    "later", [{"version": FORMAT_VERSION + 1}, {"gate": "avoiding"}], ids=["format", "feature"]
 )
 def test_a_file_of_a_later_build_is_not_overwritten(run, library, tmp_path, later):
     make = ["combine", "curve", "hook", "--store", library, "-o"]
@@ -144,8 +146,9 @@ def test_a_file_of_a_later_build_is_not_overwritten(run, library, tmp_path, late
         assert (tmp_path / "made.h5").read_bytes() == data
 
 
-def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, curve, library, tmp_path):
-    data = sealed(store.read_skill(save(curve, tmp_path / "curve.h5")), command="adapt")
+def test_a_name_whose_newest_version_is_of_a_later_build_gets_one_more(run, library, tmp_path):
+    assert run("combine", "curve", "hook", "--store", library, "-o", tmp_path / "made.h5").exit_code == 0
+    data = sealed(store.read_skill(tmp_path / "made.h5"), gate="avoiding")
     assert store.Registry(tmp_path).publish("both", data).version == 1
     skills = [library / name / "1.h5" for name in ("curve", "hook")]
     made = run("combine", *skills, "--store", tmp_path, "--name", "both", "--json")
