@@ -94,6 +94,35 @@ def test_the_small_experiment_prints_its_table(copy):
     assert "skillctl" not in done.stdout  # nothing is run again
 
 
+def test_the_task_of_the_readme_is_adapted_proved_simulated_and_refused_when_impossible(copy):
+    pytest.importorskip("pybullet")
+
+    def run(*arguments):
+        command = [sys.executable, "-m", "skillctl", *map(str, arguments), "--store", "."]
+        return subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+
+    taught, task = ("bottom-left", "bottom-right", "top-centre"), "tasks/top-left.toml"
+    made = run("adapt", task, *taught, "--name", "between", "--json")
+    assert made.returncode == 0, made.stderr
+    report = json.loads(made.stdout)
+    assert (report["held"], report["starts"]) == (200, 200)
+    margins = {row["clause"]: row for row in report["clauses"]}
+    assert all(row["margin"] > 0 for row in margins.values())
+    assert margins["approach"]["single"] < 0  # no skill does it alone, moved there,
+    assert margins["right bottle"]["equal"] < 0  # nor do all with equal weights
+    assert run("verify-stability", "between", "--task", task).returncode == 0
+    done = run("simulate", "between", "--scenario", "scenarios/bottles.toml", "--task", task)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"outcome +grasped", done.stdout)
+    text = (copy / task).read_text(encoding="utf-8")
+    (copy / "tasks" / "no.toml").write_text(text.replace("[0.63, 0.12, 0.8]", "[0.63, 0.28, 0.8]"))
+    refused = run("adapt", "tasks/no.toml", *taught, "--name", "no")
+    assert refused.returncode == 1
+    assert "right bottle fails by 0.135 m" in refused.stdout
+    assert "no motion that arrives keeps it" in refused.stderr
+    assert not (copy / "no").exists()
+
+
 def test_the_oracle_counts_a_scene_that_any_of_the_skills_does(tmp_path):
     tables = []
     for name, outcomes in {"a": (1, 0, 0, 0), "b": (1, 1, 0, 0), "c": (0, 1, 0, 1)}.items():

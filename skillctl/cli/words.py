@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from skillctl.usecases.make import PartSummary
 
 SHOWN = 0.01  # of the error of a demonstration: that it was moved by less is not worth a column
+POSE_NUMBERS = 7  # x, y, z and a quaternion
 NONE = "–"
 SHORT_DIGEST = 12  # digits, enough to tell skills apart
 MEANINGS = {  # of figures that are shown without a word about them
@@ -73,7 +74,8 @@ def percent(share: float | None) -> str:
 
 
 def point(values: Sequence[float], unit: str = "") -> str:
-    """Return coordinates as they are typed on the command line."""
+    """Return coordinates as they are typed on the command line; the seven of a pose have no one unit."""
+    unit = "" if len(values) == POSE_NUMBERS and unit == "m" else unit
     return f"{','.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
 
 
