@@ -42,7 +42,7 @@ def test_an_attractor_is_shown_as_a_target_is_given_and_as_roll_pitch_yaw(run, g
     shown = run("inspect", grasp)
     assert shown.exit_code == 0
     quaternion = Rotation.from_rotvec(TARGET[3:]).as_quat()
-    assert f"0.5,-0.1,0.3,{','.join(f'{value:.4g}' for value in quaternion)} m" in shown.stdout
+    assert f"0.5,-0.1,0.3,{','.join(f'{value:.4g}' for value in quaternion)}" in shown.stdout
     assert "170°, 5°, 40°" in shown.stdout
     assert "x, y, z in m; rx, ry, rz in rad, frame base" in shown.stdout
     assert "counts as 200.00 mm" in shown.stdout
@@ -66,7 +66,7 @@ def test_the_document_has_states_and_what_they_mean(run, grasp):
 
 def test_at_takes_a_quaternion_and_gives_a_twist(run, grasp):
     shown = run("inspect", grasp, "--at", "0.3,0.1,0.5,0,0.6,0,0.8")
-    assert "at        0.3,0.1,0.5,0,0.6,0,0.8 m" in shown.stdout
+    assert "at        0.3,0.1,0.5,0,0.6,0,0.8\n" in shown.stdout
     (line,) = [line for line in shown.stdout.splitlines() if line.startswith("velocity")]
     assert " m/s; " in line
     assert line.endswith(" rad/s")
