@@ -24,7 +24,8 @@ Example:
 OUTPUTS: dict[str, tuple[str, ...]] = {
     "learn": ("skillctl.usecases.learn:LearnReport", "skillctl.usecases.learn_many:LearnManyReport"),
     "merge": ("skillctl.usecases.merge:MergeReport",),
-    "combine": ("skillctl.usecases.combine:CombineReport",),
+    "combine": ("skillctl.usecases.combine:CombineReport", "skillctl.usecases.chain:ChainReport"),
+    "chain": ("skillctl.usecases.chain:ChainReport",),
     "adapt": ("skillctl.usecases.adapt:AdaptReport",),
     "inspect": ("skillctl.usecases.inspect:InspectReport", "skillctl.usecases.history:LineageReport"),
     "verify-stability": ("skillctl.usecases.verify_stability:VerifyReport",),

@@ -13,6 +13,7 @@ from skillctl.options import (
     Length,
     Named,
     Option,
+    changed,
     option,
     read_length,
     read_numbers,
@@ -68,9 +69,10 @@ def _turn() -> Any:
     return option(False, group=MOTION, help="Turn whole motions of poses with their target.")
 
 
-def _gate(default: str, gates: Sequence[Any]) -> Any:
-    text = "; ".join(f"{gate.name}: {gate.help}" for gate in gates)
-    return option(default, choices=tuple(gate.name for gate in gates), group=MOTION, help=f"{text}.")
+def _gate(default: str, gates: Sequence[Any], **more: str) -> Any:
+    gates_help = {**{gate.name: gate.help for gate in gates}, **more}
+    text = "; ".join(f"{name}: {what}" for name, what in gates_help.items())
+    return option(default, choices=tuple(gates_help), group=MOTION, help=f"{text}.")
 
 
 GATE_PARAMETERS = tuple(
@@ -158,7 +160,8 @@ class CombineOptions:
 
     Attributes:
         part_priors: How readily each part is chosen; None: equally.
-        gate: When the acting part is chosen: the name of one of ``skillctl.model.gates.COMBINE_GATES``.
+        gate: When the acting part is chosen: the name of one of ``skillctl.model.gates.COMBINE_GATES``; or
+            ``sequence``, of which ``chained`` has the options.
         align: All parts end at one target.
         target: That target, in the unit of the skill; None: the mean of the parts' targets. As of merging.
         turn: Motions of poses turn with it.
@@ -173,7 +176,7 @@ class CombineOptions:
         group=MOTION,
         help="How readily each skill is chosen, all positive. Default: equal.",
     )
-    gate: str = _gate("latched", COMBINE_GATES)
+    gate: str = _gate("latched", COMBINE_GATES, sequence="one after the other, as `skillctl chain` does it")
     align: bool = option(
         False,
         group=MOTION,
@@ -198,6 +201,26 @@ class CombineOptions:
         from skillctl.compose.parts import prepared  # late: it imports NumPy
 
         return prepared(parts, self.part_priors, self.target, turn=self.turn)
+
+    def chained(self, hand_over: HandOver) -> ChainOptions | None:
+        """Return the options of the chain that is meant; None if the gate is another.
+
+        Raises:
+            UsageError: Options without effect.
+        """
+        sequence = self.gate == SEQUENCE
+        own = ("gate", "turn", "disturbance_distance")
+        unused = [each for each in changed(self if sequence else hand_over) if each.field not in own]
+        if not sequence:
+            if unused:
+                raise UsageError(f"{unused[0].key}: only stages hand over.", hint=f"Add --gate {SEQUENCE}.")
+            return None
+        if unused:
+            raise UsageError(
+                f"{unused[0].key}: stages act one after the other, each with its own target.",
+                hint="Leave it out; `skillctl chain --target STAGE=X,Y,Z` moves the target of a stage.",
+            )
+        return ChainOptions(**vars(hand_over), turn=self.turn, disturbance_distance=self.disturbance_distance)
 
     def combine(self, parts: Sequence[Skill], lyapunov: FloatArray | None = None) -> CombinedSkill:
         """Return the combined skill, under a common Lyapunov matrix (d, d) if one is given."""
