@@ -145,7 +145,9 @@ def _proof(
     unit = skill.space.unit
     sentences: list[str] = []
     if isinstance(skill, ChainedSkill):
-        sentences += () if course is None else told(skill, course, _from_where(skill, scope))
+        sentences += (
+            () if course is None else told(skill, course, _from_where(skill, scope), local=scope == "local")
+        )
     elif scope == "global":
         sentences.append(_global_statement(skill))
     for part in parts:

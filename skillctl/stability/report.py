@@ -120,7 +120,7 @@ class StageCertificate:
     stage: int
     parts: tuple[int, ...]
     level: float
-    within: float | None
+    within: float
     highest: float | None
     arrival: float | None
     steps: int | None

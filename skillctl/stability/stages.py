@@ -127,10 +127,13 @@ def follow_stages(
         ]
         if outside := dict.fromkeys(reason for reason in reasons if reason is not None):
             return None, tuple(f"stage {number}: {reason}" for reason in outside)
-        stages.append(_stage(chain, number, begun, proved, period))
         level = float(chain.levels[number - 1])
-        ended = [chain.acting_parts[index] for index in begun]
-        starts = [Starts.around(part.attractor, over_within(part, level), part.space) for part in ended]
+        ends = [(chain.acting_parts[index], over_within(chain.acting_parts[index], level)) for index in begun]
+        within = max(distance for _, distance in ends)
+        if not math.isfinite(within):
+            return None, (f"stage {number}: how far from its target it is over is beyond float64.",)
+        stages.append(_stage(chain, number, begun, within, proved, period))
+        starts = [Starts.around(part.attractor, distance, part.space) for part, distance in ends]
     return _course(chain, first, stages, period), ()
 
 
@@ -168,24 +171,25 @@ def _stage(
     chain: ChainedSkill,
     number: int,
     begun: Mapping[int, Sequence[Starts]],
+    within: float,
     proved: Sequence[PartCertificate],
     period: float,
 ) -> StageCertificate:
     """Return the bounds of a stage whose parts begin in some sets of states."""
     level = float(chain.levels[number - 1])
-    highest = within = arrival = stepped = 0.0
+    highest = arrival = stepped = 0.0
     for index, starts in begun.items():
         part = chain.acting_parts[index]
         value = max(_highest(part, proved[index], each) for each in starts)
         fall = max(0.5 * math.log(value / level), 0.0) * (1 + GUARD) if value > 0 else 0.0
-        highest, within = max(highest, value), max(within, over_within(part, level))
+        highest = max(highest, value)
         arrival = max(arrival, fall / (proved[index].rate or 0.0))
         stepped = max(stepped, fall / rate if (rate := proved_rate(part, 1.0, period)) else math.inf)
     return StageCertificate(
         stage=number,
         parts=tuple(index + 1 for index in begun),
         level=level,
-        within=_finite(within),
+        within=within,
         highest=_finite(highest),
         arrival=_finite(arrival),
         steps=math.ceil((1 + GUARD) * stepped / period) if math.isfinite(stepped) else None,
@@ -232,23 +236,24 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def told(chain: ChainedSkill, course: Course, everywhere: str) -> list[str]:
+def told(chain: ChainedSkill, course: Course, everywhere: str, *, local: bool) -> list[str]:
     """Say what is proved of a chain, stage by stage; ``everywhere`` is from where."""
     unit, names = chain.space.unit, chain.space.names
     ranges = zip(names, course.low, course.high, strict=False)  # a pose has names of its turn, too
     taught = ", ".join(f"{name} from {at_most(low)} to {at_least(high)}" for name, low, high in ranges)
     ends = "the attractor" if len(chain.attractors) == 1 else "an attractor"
+    near = ", each of which leaves the state within the radius of the part that goes on" if local else ""
     sentences = [
         "Every motion ends its stages one after the other, each in finite time, and converges exponentially "
         f"to {ends} of the last, from {everywhere}: a stage is over once V of the part that acts has fallen "
         "to its level, and wherever that may be, the next stage is proved from there.",
-        f"So does every motion with finitely many disturbances: {JUMPS[chain.on_jump]}.",
+        f"So does every motion with finitely many disturbances{near}: {JUMPS[chain.on_jump]}.",
     ]
     place = f"motions that start in {taught} {unit}"
     for stage in course.stages:
-        where = "" if stage.within is None else f" within {at_most(stage.within)} {unit} of its target"
         when = _by(stage.arrival, stage.steps, course.period)
-        sentences.append(f"Stage {stage.stage} is over{where}{when}, of {place}.")
+        where = f"within {at_most(stage.within)} {unit} of its target"
+        sentences.append(f"Stage {stage.stage} is over {where}{when}, of {place}.")
         place = f"motions that begin where stage {stage.stage} is over"
     if course.arrival is not None:
         when = _by(course.arrival, course.steps, course.period)
