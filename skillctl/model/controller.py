@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
@@ -12,6 +14,7 @@ from skillctl.errors import UsageError
 from skillctl.model.coordinates.bodies import Body
 from skillctl.model.coordinates.gauge import Gauge
 from skillctl.model.kept_out import kept_out
+from skillctl.model.limits import Limits, Ramp
 from skillctl.model.skill import Skill, contraction_period
 from skillctl.model.steering import steered
 from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper, moved
@@ -38,6 +41,7 @@ class Controller:
         *,
         keep_out: Sequence[Body] = (),
         margin: float | None = None,
+        limits: Limits | None = None,
         allow_unproved: bool = False,
     ) -> None:
         """Make a controller of a skill at its target.
@@ -47,6 +51,7 @@ class Controller:
             period: Time between two calls of ``step``, [s].
             keep_out: Bodies that the motion must not enter, in the skill's frame; see ``kept_out``.
             margin: What stays free around these, and around those that ``step`` is told of, [m].
+            limits: Of speed, acceleration and jerk, which hold at every step from rest on; see ``limits``.
             allow_unproved: Accept a longer period than is proved.
 
         The period is held against the one at which every component contracts, which agrees with the
@@ -69,6 +74,8 @@ class Controller:
                 hint="Step it more often, learn it with a longer --period, or pass allow_unproved=True.",
             )
         self.skill, self.period = skill, period
+        self._limits = limits or Limits()
+        self._ramp = self._at_rest()
         self._last: Step | None = None
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
@@ -94,8 +101,31 @@ class Controller:
         self.skill, self._stepper = skill, Stepper(skill, self.period)
 
     def reset(self) -> None:
-        """Forget which part acts: the next step is a start."""
+        """Forget which part acts, and what was commanded: the next step is a start from rest."""
         self._last = None
+        self._ramp = self._at_rest()
+
+    def brake(self) -> FloatArray:
+        """Return the next command (d,) of a straight way to rest within the limits, whatever the skill says.
+
+        It takes at most ‖v‖ / acceleration + 2 acceleration / jerk, then the command is zero and ``resting``
+        true; without limits that is at once. A step after it goes on from there.
+        """
+        command = np.zeros(self.skill.dimension) if self._ramp is None else self._ramp.brake()
+        if self._last is not None:
+            states = moved(self.skill.space, self._last.states, command, self.period)
+            self._last = replace(self._last, states=states, command=command)
+        return command
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing more is commanded: before the first step, and at the end of ``brake``."""
+        if self._ramp is None:
+            return self._last is None or not self._last.command.any()
+        return self._ramp.resting
+
+    def _at_rest(self) -> Ramp | None:
+        return Ramp(self.skill.space, self._limits, self.period) if self._limits.ramps else None
 
     @property
     def next(self) -> FloatArray | None:
@@ -130,19 +160,30 @@ class Controller:
                 over anything but positions.
         """
         x = self.skill.space.measured(state)
-        caps = UNCAPPED
-        if max_speed is not None or max_turn is not None:
-            caps = Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn))
+        caps, ramp = self._caps(max_speed, max_turn), self._ramp
         self._measured = x
         last, part, near = self._last, None, None
         if last is not None and not self._disturbed(x, last):
             part, near = int(last.parts), last.offset
         bodies = [(body.name, self._inflated(body)) for body in seen]
-        self._last = self._stepper.step(x, part, caps, near)
+        if bodies:
+            bodies += self._known
+        ahead = x if ramp is None else ramp.ahead(x)
+        step = self._stepper.step(ahead, part, caps, near)
         self.blocked = ()
         if bodies:
-            self._last = self._steered(x, self._last, [*bodies, *self._known], caps)
-        return self._last.command
+            step = self._steered(ahead, step, bodies, caps)
+        if ramp is not None:
+            step = ramp.follow(x, ahead, step, self._stepper, caps, [gauge for _, gauge in bodies])
+        self._last = step
+        return step.command
+
+    def _caps(self, max_speed: float | None, max_turn: float | None) -> Caps:
+        """Return the caps of the next step of the skill: ``UNCAPPED`` itself if there are none."""
+        caps = self._limits.caps
+        if max_speed is not None or max_turn is not None:
+            caps = caps.within(Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn)))
+        return caps if self._ramp is None else self._ramp.caps(caps)
 
     def _steered(
         self, state: FloatArray, step: Step, bodies: Sequence[tuple[str, Gauge]], caps: Caps
