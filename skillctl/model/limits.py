@@ -5,27 +5,27 @@ in equal parts, as few as the acceleration a allows: in n steps, z = s ⊞ ½ (n
 within a Δt of the last one, the one is taken that
 
 1. is the longest along the skill's own command f (its path stays), or, if there is none, comes nearest to it;
-2. does not ask for more in the next period: of f, no more than √(0.8 a Δt / ‖f⁺ − f‖), f⁺ being the command
-   where f leads. So it slows down in curves, and towards the target;
+2. leaves the next period enough: it is at most √(0.8 a Δt / ‖f⁺ − f‖) of f, where f⁺ is the command at the
+   place f leads to. So the robot slows down in curves, and towards the target;
 3. moves z so that √V falls there by at least a share of what it falls along f, for the length;
 4. leaves z, and the straight way to it, outside of bodies.
 
-If the command of 1 and 2 breaks 3 or 4, so much is taken of the difference to braking as keeps both; braking
-does, as it leaves z where it is. At rest z is s, and the share of the skill's own step with ‖w‖ ≤ a Δt is taken:
-there V falls as is proved.
+If 1 and 2 give a command that breaks 3 or 4, so much is taken of its difference to braking as keeps both.
+Braking does, as it leaves z where it is. At rest z is s, and that share of the skill's own step is taken which
+begins with ‖w‖ ≤ a Δt: there V falls as is proved.
 
-So V(z) never rises. It does not stay above zero either: by 3 the way of z is finite, so it has a limit; the
-robot comes to rest there, and from rest V falls by a step of the skill's own, unless it is at the target.
-A push, a moved target, or another part begin this anew. The robot then goes on for at most the time
-‖w‖ / a and the way ‖w‖² / 2a before V falls again, and no command asks for more than a.
+So V(z) never rises. Nor does it stay above zero: by 3 the way of z is finite, so z has a limit; there the
+robot comes to rest, and unless that is the target, a step of the skill's own leads on. A push, a moved target
+or another part begin this anew; as z may then be a worse place than s, the robot may first move away from the
+target, for at most ‖w‖ / a and over ‖w‖² / 2a. No command ever breaks a limit.
 
-Jerk. Commands are averaged over N = ⌈2a / (j Δt)⌉ periods, which keeps speed and acceleration, and with
-‖Δw‖ ≤ a Δt the jerk. The skill is asked at s = x ⊞ what the averages will still add to the measured x: s moves by
-Δt w in each period, so all of the above is true of it. x is the mean of the last N places of s, a time of
-a / j behind. Turns do not commute: of poses this is exact while the axis of turning stays.
+Jerk. Commands are averaged over N = ⌈2a / (j Δt)⌉ periods. That keeps speed and acceleration and, as
+‖Δw‖ ≤ a Δt, the jerk. The skill is asked at s = x ⊞ what the averages will still add to the measured x: s
+moves by Δt w in each period, so all of the above is true of it. x is the mean of the last N places of s, and
+about a / j behind. Turns do not commute: of poses this is exact while the axis of turning stays.
 
-Between the starts and the stops, s is on the skill's own path, except where a curve begins too suddenly to
-slow down before it; x leaves it by what the averages cut off.
+So s is on the skill's own path, except where a curve begins too suddenly to slow down before it; and x cuts
+the corners of that path as averages do.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Ramp:
         return not self._commands.any()
 
     def caps(self, caps: Caps) -> Caps:
-        """Return the caps of the next step of the skill: those given, and from rest what one period reaches."""
+        """Return the caps of the skill's next step: those given, and from rest what one period reaches."""
         if self._commands[0].any():
             return caps
         return caps.within(Caps(*(change for _, change in self._changes)))
@@ -194,33 +194,36 @@ class Ramp:
         onward = stepper.step(step.states, int(step.parts), caps, step.offset).command
         wanted = self._nearest(step.command * self._ease(onward - step.command))
         stop = self._moved(s, self._commands[0], self._steps(self._commands[0]) - 1)
+        asked = _Descent(part, s, step.states, stop)
         for halvings in range(HALVINGS + 1):
             command = braked + 0.5**halvings * (wanted - braked)
             trial = self._moved(s, command, self._steps(command) + 1)
-            if _falls(part, np.stack([s, step.states, stop, trial])) and _free(part, s, trial, bodies):
+            if asked.met_by(trial) and _free(part, s, trial, bodies):
                 return command
         return braked
 
     def _moved(self, s: FloatArray, command: FloatArray, halves: int) -> FloatArray:
         return self._space.displace_at(s, 0.5 * halves * self._period * command)
 
+    def _size(self, change: FloatArray) -> float:
+        """Return in how many periods, a fraction, a command can change so."""
+        return max(length(change[block]) / most for block, most in self._changes)
+
     def _steps(self, command: FloatArray) -> int:
-        """Return in how many periods a command w (d,) can be brought to zero: n, at least one."""
-        most = max(length(command[block]) / change for block, change in self._changes)
-        return max(1, math.ceil(most * (1 - WHOLE)))
+        """Return in how many periods a command (d,) can be brought to zero: n, at least one."""
+        return max(1, math.ceil(self._size(command) * (1 - WHOLE)))
 
     def _braked(self) -> FloatArray:
         command = self._commands[0]
-        return command * (1 - 1 / self._steps(command))
+        return np.asarray(command * (1 - 1 / self._steps(command)))
 
-    def _ease(self, difference: FloatArray) -> float:
-        """Return the factor on a command by which following it asks for no more than may be spent on it."""
-        sizes = ((length(difference[block]), change) for block, change in self._changes)
-        most = max(size / change for size, change in sizes)
-        return min(1.0, math.sqrt(FOLLOWING / most)) if most > 0 else 1.0
+    def _ease(self, change: FloatArray) -> float:
+        """Return the factor on a command which is to change so, by which it takes what may be spent on it."""
+        size = self._size(change)
+        return min(1.0, math.sqrt(FOLLOWING / size)) if size > 0 else 1.0
 
     def _nearest(self, wanted: FloatArray) -> FloatArray:
-        """Return the longest command along ``wanted`` (d,) that one period allows, or the nearest to these."""
+        """Return the longest command along ``wanted`` (d,) that is allowed, or else the nearest to any."""
         last = self._commands[0]
         low, high = 0.0, 1.0
         for block, change in self._changes:
@@ -229,11 +232,13 @@ class Ramp:
                 low, high = max(low, ends[0]), min(high, ends[1])
         if low <= high:
             return high * wanted
-        weights = np.concatenate([np.full(block.stop - block.start, 1 / each) for block, each in self._changes])
+        weights = np.empty_like(last)
+        for block, most in self._changes:
+            weights[block] = 1 / most
         scaled = weights * wanted
         along = float(scaled @ (weights * last) / (scaled @ scaled))
         change = min(1.0, max(0.0, along)) * wanted - last
-        return last + change / max(length(change[block]) / most for block, most in self._changes)
+        return np.asarray(last + change / self._size(change))
 
 
 def _chord(along: FloatArray, centre: FloatArray, radius: float) -> tuple[float, float]:
@@ -248,16 +253,33 @@ def _chord(along: FloatArray, centre: FloatArray, radius: float) -> tuple[float,
     return (product - half) / square, (product + half) / square
 
 
-def _falls(part: ActingSkill, states: FloatArray) -> bool:
-    """Return whether √V falls from the third to the last of states (4, d) as from the first to the second.
+class _Descent:
+    """Whether √V falls from the old stop to a new one as on the skill's own step, or a share of that.
 
-    A share of that for the length is enough. Where the skill itself lowers no V, as one that is not proved
-    may, nothing is asked.
+    Where that step itself lowers no V, as of a skill that is not proved, nothing is asked.
     """
-    y = part.lifted(states)
-    s, onward, stop, trial = part.form.distance(y - part.anchor).tolist()
-    own, moved = part.form.distance(y[[1, 3]] - y[[0, 2]]).tolist()
-    return s <= onward or (stop - trial) * own >= DESCENT * (s - onward) * moved
+
+    def __init__(self, part: ActingSkill, state: FloatArray, onward: FloatArray, stop: FloatArray) -> None:
+        """Args: part; state: s, and onward: where its own step leads; stop: z; each of shape (d,)."""
+        self._part = part
+        self._stop = self._lifted(stop)
+        here, there = self._lifted(state), self._lifted(onward)
+        own = self._size(there - here)
+        self._share = DESCENT * (self._size(here) - self._size(there)) / own if own > 0 else 0.0
+
+    def met_by(self, trial: FloatArray) -> bool:
+        """Return whether it falls so at a new stop (d,)."""
+        if self._share <= 0:
+            return True
+        y = self._lifted(trial)
+        return self._size(self._stop) - self._size(y) >= self._share * self._size(y - self._stop)
+
+    def _lifted(self, state: FloatArray) -> FloatArray:
+        part = self._part
+        return part.coordinates.forward_at(part.space.offset_at(state, part.attractor))
+
+    def _size(self, y: FloatArray) -> float:
+        return math.sqrt(y.dot(self._part.lyapunov.dot(y)))
 
 
 def _free(part: ActingSkill, s: FloatArray, trial: FloatArray, bodies: Sequence[Gauge]) -> bool:
@@ -272,7 +294,6 @@ def _free(part: ActingSkill, s: FloatArray, trial: FloatArray, bodies: Sequence[
         return True
     end = space.offset_at(trial, part.attractor)
     outside = coordinates.back_at(coordinates.forward_at(end))  # of what is in a body: its surface
-    return (
-        space.speeds(space.difference_at(trial, s))[0] <= longest
-        and length(outside - end) <= CLOSED * length(end)
-    )
+    return space.speeds(space.difference_at(trial, s))[0] <= longest and length(
+        outside - end
+    ) <= CLOSED * length(end)
