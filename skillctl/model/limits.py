@@ -11,7 +11,7 @@ within a Δt of the last one, the one is taken that
 4. leaves z, and the straight way to it, outside of bodies.
 
 If 1 and 2 give a command that breaks 3 or 4, so much is taken of its difference to braking as keeps both.
-Braking does, as it leaves z where it is. At rest z is s, and that share of the skill's own step is taken which
+Braking does, as it leaves z where it is. At rest z is s, and that share of the skill's own step is taken that
 begins with ‖w‖ ≤ a Δt: there V falls as is proved.
 
 So V(z) never rises. Nor does it stay above zero: by 3 the way of z is finite, so z has a limit; there the
