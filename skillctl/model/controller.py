@@ -191,6 +191,11 @@ class Controller:
         return command
 
     @property
+    def rest(self) -> FloatArray | None:
+        """The state (d,) where ``brake`` leads after the last command; None before the first step."""
+        return self.next if self._last is None or self._ramp is None else self._ramp.rest(self._last.states)
+
+    @property
     def resting(self) -> bool:
         """Whether nothing more is commanded: before the first step, and at the end of ``brake``."""
         if self._ramp is None:
