@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -89,6 +90,10 @@ class Controller:
         self._course = Course(period)
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
+
+    def __copy__(self) -> Controller:
+        """Return a controller that goes on from here by itself: no memory is shared."""
+        return deepcopy(self)
 
     @property
     def part(self) -> int | None:

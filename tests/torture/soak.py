@@ -26,15 +26,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import specimens
 from independent import Broken, read_artifact, read_store
-from promises import Command, Promises
+from promises import MAKING, Command, Promises
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 LEARNED = {"a": ((0.2, 0.1), (0.0, 0.06), (0.0, 0.0)), "b": ((-0.1, -0.2), (0.08, 0.0), (0.1, 0.05))}
-NAMES = (*LEARNED, "both", "either", "task")
+NAMES = (*LEARNED, "both", "either", "course", "task")
 ALIASES = ("release", "next")
 VERBS = {
-    "learn": 8, "merge": 4, "combine": 4, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2, "lock": 3,
+    "learn": 8, "merge": 4, "combine": 4, "chain": 3, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2, "lock": 3,
     "ls": 3, "log": 2, "inspect": 2, "export": 3, "verify-stability": 2, "diff": 1,
 }  # fmt: skip
 TROUBLES = {
@@ -104,11 +104,12 @@ class Soak:
         new = ["-m", note]
         alias, version = rng.choice(ALIASES), f"{name}@{self.number(rng, name)}"
         a, b = (self.reference(rng, each) for each in rng.sample(NAMES[:3], 2))
-        if verb in ("learn", "merge", "combine", "adapt") and rng.random() < 0.2:
+        if verb in MAKING and rng.random() < 0.2:
             target = ["-o", f"{rng.choice('xyz')}.h5"]
             published = ""
         else:
-            made = {"learn": rng.choice(list(LEARNED)), "merge": "both", "combine": "either", "adapt": "task"}
+            made = {"merge": "both", "combine": "either", "chain": "course", "adapt": "task"}
+            made["learn"] = rng.choice(list(LEARNED))
             target = ["--name", published := made.get(verb, "")]
         data = [f"{self.inputs / f'{published or name}-{i}.csv'}" for i in range(2)]
         if verb == "learn" and not published:
@@ -117,6 +118,7 @@ class Soak:
             "learn": [*data, "--preset", "fast", "--components", "2", *new, *target],
             "merge": [a, b, *new, *target],
             "combine": [a, b, *new, *target],
+            "chain": [a, b, "--event", "1:close", *new, *target],
             "adapt": [f"{self.inputs / 'task.toml'}", a, b, "--anyway", *new, *target],
             "tag": [version, alias],
             "untag": [name, alias],
