@@ -24,7 +24,7 @@ from skillctl.model.skill import Skill, extent
 STATES = 10_000
 STEPS = 50  # of each motion; half of the states are starts
 PUSHED, PUSH = 0.1, 0.2  # share of its steps before which a state is pushed, and how far, in extents
-NUDGE = 0.05  # how far each start is pushed after one step: over a seam, and beyond a disturbance or not
+NUDGES = (0.01, 0.1)  # how far starts are pushed after one step: a disturbance or none, over a seam or not
 SLOW = 1e-6  # commands that are no faster get no limit: half of rounding is no limit
 TOLERANCE = 1e-12  # of a command
 LAST_BITS = 8.0  # times what a command changes by the last bit of one coordinate of its state
@@ -176,7 +176,7 @@ def recorded(skill: Skill, taught: Sequence[FloatArray], period: float) -> list[
 
     for state in states_around(skill, STATES // 8, taught, seed=1):
         free = step(state, FREE, start=True)
-        step(pushed(free.ahead, NUDGE), FREE, start=False)
+        step(pushed(free.ahead, float(rng.choice(NUDGES))), FREE, start=False)
         step(state, _shares(space.speeds(free.command), (0.5, 0.8)), start=True)
     rest = STATES - len(steps)
     for index, state in enumerate(states_around(skill, rest // STEPS, taught, seed=2)):
