@@ -34,8 +34,8 @@ LEARNED = {"a": ((0.2, 0.1), (0.0, 0.06), (0.0, 0.0)), "b": ((-0.1, -0.2), (0.08
 NAMES = (*LEARNED, "both", "either", "course", "task")
 ALIASES = ("release", "next")
 VERBS = {
-    "learn": 8, "merge": 4, "combine": 4, "chain": 3, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2, "lock": 3,
-    "ls": 3, "log": 2, "inspect": 2, "export": 3, "verify-stability": 2, "diff": 1,
+    "learn": 8, "merge": 4, "combine": 4, "chain": 3, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2,
+    "lock": 3, "ls": 3, "log": 2, "inspect": 2, "export": 3, "verify-stability": 2, "diff": 1,
 }  # fmt: skip
 TROUBLES = {
     "": 16, "SIGKILL": 4, "SIGTERM": 3, "SIGINT": 2, "full disk": 4, "small files": 2, "little memory": 3,
