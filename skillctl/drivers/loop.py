@@ -37,7 +37,11 @@ Outcome: TypeAlias = Literal[
 ]
 CONNECTING = 5.0  # [s] within which the first state has to come
 STALE, STALE_PERIODS = 0.1, 5  # [s], periods: how old the newest state may be
-SIGNALS: dict[int, Outcome] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+SIGNALS: dict[int, Outcome] = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "terminated",  # the terminal is gone
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,12 +259,14 @@ class Loop:
 
 @contextmanager
 def heeded() -> Iterator[list[Outcome]]:
-    """Yield a list that tells of the first SIGINT or SIGTERM; a second one interrupts as usual.
+    """Yield a list that tells of the first SIGINT, SIGTERM or SIGHUP; a second one interrupts as usual.
 
     Outside the main thread no signal can be heeded.
     """
     stopped: list[Outcome] = []
     before = {number: signal.getsignal(number) for number in SIGNALS}
+    if before[signal.SIGHUP] == signal.SIG_IGN:
+        del before[signal.SIGHUP]  # nohup
 
     def heed(number: int, frame: FrameType | None) -> None:
         if stopped:
@@ -271,7 +277,7 @@ def heeded() -> Iterator[list[Outcome]]:
         stopped.append(SIGNALS[number])
 
     try:
-        for number in SIGNALS:
+        for number in before:
             signal.signal(number, heed)
     except ValueError:
         yield stopped

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 
 import numpy as np
 import pytest
@@ -193,7 +194,8 @@ def test_steps_of_exactly_what_is_proved_are_not_late(lead, positions):
 
 
 @pytest.mark.parametrize(
-    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("number", "outcome"),
+    [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"), (signal.SIGHUP, "terminated")],
 )
 def test_a_signal_slows_the_hand_down(lead, make_probe, positions, number, outcome):
     def interrupted(step, measured):
@@ -213,6 +215,30 @@ def test_a_signal_slows_the_hand_down(lead, make_probe, positions, number, outco
     assert (np.diff(speeds[resting]) < 0).all()
     assert (np.abs(np.diff(speeds))[~resting[:-1]] <= 1.0 * PERIOD * (1 + 1e-6)).all()
     assert speeds[-1] == 0
+
+
+def test_who_asks_for_no_hangups_gets_none():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with heeded() as stopped:
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert stopped == []
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_no_signal_is_heeded_outside_the_main_thread():
+    seen = []
+
+    def elsewhere():
+        with heeded() as stopped:
+            seen.append(stopped)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert seen == [[]]
 
 
 def test_a_second_signal_stops_at_once(lead, make_probe, positions):
