@@ -34,11 +34,16 @@ Outcome: TypeAlias = Literal[
     "missed",
     "dropped",
     "start_collision",
+    "placed",
+    "misplaced",
 ]
-"""How an episode ended. The first two are successes:
+"""How an episode ended. Three are successes:
 
 - ``reached``: the hand stayed within the tolerances of the true target for the settle time;
-- ``grasped``: the cup was lifted and held, and the arm never touched the scene.
+- ``grasped``: the cup was lifted and held, and the arm never touched the scene; of a chain: it holds it at
+  its end;
+- ``placed``: a chain set the cup down: a second after it was let go it stands upright at its place, and the
+  arm never touched the scene.
 
 The others are failures:
 
@@ -51,14 +56,16 @@ The others are failures:
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
 - ``missed``: the cup was not between both fingers when they had closed; without a cup: the hand stayed where
   it perceived its target, and that is elsewhere;
-- ``dropped``: the cup was not lifted far enough, or not held to the end;
+- ``dropped``: the cup was not lifted far enough, or not held to the end, and of a chain it does not stand
+  where it can be taken again;
+- ``misplaced``: the cup was let go and stands elsewhere, or hangs on the hand;
 - ``start_collision``: the arm touches something where it starts.
 """
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
-SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped")
+SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped", "placed")
 
 Unit: TypeAlias = Literal["m", "rad"]
-Phase: TypeAlias = Literal["approach", "close", "lift", "hold"]
+Phase: TypeAlias = Literal["approach", "close", "lift", "hold", "carry", "open", "leave", "lost"]
 PHASES: tuple[Phase, ...] = get_args(Phase)
 
 
@@ -235,7 +242,7 @@ class Episode:
 
     @property
     def success(self) -> bool:
-        """Whether the hand reached the target, or grasped the cup."""
+        """Whether the hand reached the target, grasped the cup, or set it down at its place."""
         return self.outcome in SUCCESSES
 
 
@@ -257,7 +264,7 @@ def measure(
         contacts: Pairs that touched, in words.
         turn_tolerance: Angle to its orientation that counts as reached, [rad].
     """
-    by_skill = series.phases <= PHASES.index("close")
+    by_skill = ~np.isin(series.phases, [PHASES.index("lift"), PHASES.index("hold")])
     hand = series.hand[by_skill]
     tracking = np.linalg.norm(hand - series.reference[by_skill], axis=1)
     distances = np.linalg.norm(hand - series.targets[by_skill], axis=1)

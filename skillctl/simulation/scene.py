@@ -71,6 +71,18 @@ def cup_middle(scenario: Scenario) -> FloatArray:
     return np.array([*scenario.cup.place, height])
 
 
+def set_down_at(scenario: Scenario) -> FloatArray:
+    """Return the middle of the cup where a chain shall set it down. Shape (3,), [m].
+
+    Raises:
+        ValueError: There is no such place.
+    """
+    if scenario.cup is None or scenario.place is None or scenario.scene is None:
+        raise ValueError("this scenario has no place to set a cup down")
+    height = board_height(scenario.scene, scenario.place.board) + 0.5 * scenario.cup.height
+    return np.array([*scenario.place.place, height])
+
+
 @dataclass(frozen=True, slots=True)
 class Contact:
     """A link of the arm touches a part of the scene, or the cup; ``loose``: an obstacle that can be moved."""
