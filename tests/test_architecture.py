@@ -132,6 +132,7 @@ def test_model_needs_numpy_only() -> None:
         "skillctl",
         "numpy",
         "math",
+        "re",
         "itertools",
         "abc",
         "functools",

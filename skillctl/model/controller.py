@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.coordinates.bodies import Body
 from skillctl.model.coordinates.gauge import Gauge
+from skillctl.model.course import Course
 from skillctl.model.kept_out import kept_out
 from skillctl.model.skill import Skill, contraction_period
 from skillctl.model.steering import steered
@@ -22,12 +26,17 @@ class Controller:
 
     A latched combined skill needs memory: which part acts. It is chosen at the first step and again
     whenever the measured state lies more than the skill's ``disturbance_distance`` from where the last
-    command should have led. All other skills need none.
+    command should have led. A chain needs the same number, which says its stage, too; and how far the events
+    between two stages have come. All other skills need none.
 
     Attributes:
         skill: What is followed.
         period: Time between two calls of ``step``, [s].
         part: Index of the part that acted last; None before the first step.
+        stage: Of a chain: index of the stage that acted last; 0 of other skills; None before the first step.
+        event: Of a chain: what the caller is to do now, such as ``close``; None if there is nothing to do. A
+            ``wait`` counts by itself.
+        done: Of a chain: whether the last stage, and its events, are over.
         blocked: Names of the bodies before which the last step ended, since nothing leads on; see ``step``.
     """
 
@@ -69,7 +78,9 @@ class Controller:
                 hint="Step it more often, learn it with a longer --period, or pass allow_unproved=True.",
             )
         self.skill, self.period = skill, period
+        self._begin = 0  # the stage that a start begins with
         self._last: Step | None = None
+        self._course = Course(period)
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
 
@@ -77,6 +88,18 @@ class Controller:
     def part(self) -> int | None:
         """Index of the part that acted last; None before the first step."""
         return None if self._last is None else int(self._last.parts)
+
+    @property
+    def stage(self) -> int | None:  # noqa: D102
+        return None if self.part is None else self.skill.stage_of(self.part)
+
+    @property
+    def event(self) -> str | None:  # noqa: D102
+        return self._course.event
+
+    @property
+    def done(self) -> bool:  # noqa: D102
+        return self._course.done
 
     @property
     def inside(self) -> tuple[str, ...]:
@@ -95,7 +118,56 @@ class Controller:
 
     def reset(self) -> None:
         """Forget which part acts: the next step is a start."""
-        self._last = None
+        self._last, self._begin = None, 0
+        self._course.begin()
+
+    def go(self, stage: int) -> None:
+        """Begin a stage of a chain at the next step, as the one that takes a cup which was lost.
+
+        Args:
+            stage: Counted from 0.
+
+        Raises:
+            UsageError: The skill is no chain, or has no such stage.
+        """
+        if not isinstance(self.skill, ChainedSkill) or not 0 <= stage < len(self.skill.parts):
+            raise UsageError(f"stage: this skill has no stage {stage}.")
+        self.reset()
+        self._begin = stage
+
+    def state(self) -> dict[str, Any]:
+        """Return the memory as plain numbers and texts, for ``restore`` of a controller of the same skill."""
+        memory: dict[str, Any] = {"begin": self._begin, "course": self._course.state(), "last": None}
+        if (last := self._last) is not None:
+            offset = None if last.offset is None else last.offset.tolist()
+            vectors = {"states": last.states.tolist(), "command": last.command.tolist(), "offset": offset}
+            memory["last"] = {**vectors, "parts": int(last.parts)}
+        return memory
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Go on where another controller of the same skill and period was.
+
+        Args:
+            memory: What its ``state`` returned.
+
+        Raises:
+            UsageError: It is not that of such a controller; this one is as before.
+        """
+        course = Course(self.period)
+        try:
+            last, begin = memory["last"], range(len(self.skill.parts) or 1)[memory["begin"]]
+            course.begin(**memory["course"])
+            if last is not None:
+                states, command = self._vector(last["states"]), self._vector(last["command"])
+                offset = None if last["offset"] is None else self._vector(last["offset"])
+                part = range(len(self.skill.acting_parts))[last["parts"]]
+                last = Step(states, command, part, offset)
+        except (KeyError, IndexError, TypeError, ValueError):
+            raise UsageError("state: it is not that of a controller of this skill.") from None
+        self._course, self._last, self._begin = course, last, begin
+
+    def _vector(self, values: Sequence[float]) -> FloatArray:
+        return np.array(values, dtype=np.float64).reshape(self.skill.dimension)
 
     @property
     def next(self) -> FloatArray | None:
@@ -109,6 +181,7 @@ class Controller:
         max_speed: float | None = None,
         max_turn: float | None = None,
         seen: Sequence[Body] = (),
+        busy: bool = False,
     ) -> FloatArray:
         """Return the velocity command for the measured state (d,), per second.
 
@@ -123,6 +196,7 @@ class Controller:
                 stands still is entered, and V never rises; that the motion arrives is not proved. Before a
                 face that is wide, as seen from the target, it may stop: then ``blocked`` names the body,
                 and the command is zero until the body moves.
+            busy: Whether the ``event`` of the last step is still going on, as while the gripper closes.
 
         Raises:
             StateError: A state of another shape, or not finite; the controller is as before.
@@ -134,15 +208,27 @@ class Controller:
         if max_speed is not None or max_turn is not None:
             caps = Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn))
         self._measured = x
-        last, part, near = self._last, None, None
-        if last is not None and not self._disturbed(x, last):
-            part, near = int(last.parts), last.offset
+        part, near = self._acting(x, busy)
         bodies = [(body.name, self._inflated(body)) for body in seen]
         self._last = self._stepper.step(x, part, caps, near)
         self.blocked = ()
         if bodies:
             self._last = self._steered(x, self._last, [*bodies, *self._known], caps)
         return self._last.command
+
+    def _acting(self, state: FloatArray, busy: bool) -> tuple[int | None, FloatArray | None]:
+        """Return the part that acts at a state, None for a start; and, where it goes on, its last offset."""
+        last, skill = self._last, self.skill
+        going = None if last is None or self._disturbed(state, last) else last
+        part = None if going is None else int(going.parts)
+        if isinstance(skill, ChainedSkill):
+            if part is None:
+                part = skill.begun_at(self._begin, state)
+                if last is not None:
+                    part = skill.resumed_at(state, int(last.parts))
+                self._course.begin()
+            part = self._course.onward(skill, state, part, busy)
+        return part, going.offset if going is not None and part == going.parts else None
 
     def _steered(
         self, state: FloatArray, step: Step, bodies: Sequence[tuple[str, Gauge]], caps: Caps

@@ -61,7 +61,8 @@ def rollout(
 ) -> Rollouts:
     """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would.
 
-    A latched combined skill keeps, per trajectory, the part chosen at the start. Integration ends when
+    A latched combined skill keeps, per trajectory, the part chosen at the start. The stages of a chain follow
+    each other at once: its events, and waits, are the ``Controller``'s. Integration ends when
     every trajectory has arrived, or after ``duration``. However many steps that takes, at most
     ``MOST_STATES`` states of each trajectory are kept.
 
@@ -72,8 +73,8 @@ def rollout(
         period: Step Δt, [s].
         arrival_distance: Distance to the nearest attractor at which a trajectory has arrived; by default
             ``ARRIVAL_DISTANCE``, or ``ARRIVAL_SHARE`` of the extent of a small skill.
-        parts: Which part of a latched combined skill acts on each trajectory, shape (n,), to go on with an
-            earlier rollout. Default: the part that each start selects.
+        parts: Which part of a latched combined skill, or of a chain, acts on each trajectory, shape (n,), to
+            go on with an earlier rollout. Default: the part that each start selects.
 
     Raises:
         UsageError: Starts of another dimension, or a period or duration that is not positive and finite.
@@ -86,13 +87,14 @@ def rollout(
     steps = int(np.ceil(duration / period))
     every = -(-steps // MOST_STATES)
     near_enough = arrival_distance_of(skill) if arrival_distance is None else arrival_distance
-    stepper, goals = Stepper(skill, period), skill.attractors
+    stepper = Stepper(skill, period)
     if parts is None:
         parts = skill.part_at(x)
     kept, times = [x], [0.0]
     arrival = np.full(len(x), np.nan)
     for step in range(steps + 1):
-        near = skill.space.distance(x[:, None], goals).min(axis=1) < near_enough
+        parts = skill.onward(x, parts)
+        near = skill.arrived(x, parts, near_enough)
         arrival[near & np.isnan(arrival)] = step * period
         if step == steps or np.isfinite(arrival).all():
             break

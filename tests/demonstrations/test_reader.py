@@ -249,6 +249,44 @@ def test_velocities_and_places_follow_the_rows_that_stay(write, save_npz) -> Non
     assert notes[1].endswith("after line 5.")
 
 
+def test_reversed_recordings_run_back_to_where_they_began(write, save_npz) -> None:
+    times, positions = [3.0, 4, 6, 7], [0.0, 1, 5, 8]
+    (demonstration,) = read_demonstrations([write(table(times, positions))], reverse=True).demonstrations
+    assert demonstration.times.tolist() == [0, 1, 3, 4]
+    assert demonstration.positions.ravel().tolist() == [8, 5, 1, 0]
+    assert demonstration.velocities.ravel().tolist() == np.gradient([8.0, 5, 1, 0], [0.0, 1, 3, 4]).tolist()
+    measured = save_npz(
+        positions=np.array([[0.0], [0], [1], [5]]),
+        velocities=np.array([[1.0], [1], [2], [4]]),
+        times=np.array([0.0, 0, 1, 3]),
+    )
+    (demonstration,) = read_demonstrations([measured], reverse=True, units="cm", scale=2.0).demonstrations
+    assert demonstration.times.tolist() == [0, 2, 3]
+    assert demonstration.velocities.ravel().tolist() == [-0.08, -0.04, -0.02]
+
+
+def test_a_reversed_recording_is_judged_as_it_was_recorded(write) -> None:
+    twice = 2 * np.linspace(0, 1, 20).tolist()
+    path = write(table(np.arange(40.0).tolist(), twice))
+    forwards, reverse = read_demonstrations([path]).faults, read_demonstrations([path], reverse=True).faults
+    assert forwards[0] == reverse[0]
+    assert "back to its start, at line 22" in reverse[0].sentence
+    backwards = write(table([0.0, 2, 1], [0.0, 1, 2]), "clock.csv")
+    with pytest.raises(InputDataError, match="line 4: time stamp 1 s follows 2 s"):
+        read_demonstrations([backwards], reverse=True)
+
+
+def test_recordings_that_begin_apart_end_apart_when_they_are_reversed(write) -> None:
+    there = np.linspace(0, 1, 20)
+    paths = [
+        write(table(np.arange(20.0).tolist(), (start + (1 - start) * there).tolist()), f"{n}.csv")
+        for n, start in enumerate([0.0, 0.01, 0.0, 0.6])
+    ]
+    assert not read_demonstrations(paths).faults
+    (fault,) = read_demonstrations(paths, reverse=True).faults
+    assert (fault.kind, fault.demo) == ("ends", 3)
+
+
 def test_a_gap_in_time_is_reported_with_its_place(write) -> None:
     times = [0.0, 0.1, 0.2, 0.3, 0.9, 1.0, 1.1]
     even = write(table(np.arange(7.0).tolist(), [1.0, 2, 3, 4, 5, 6, 7]), "even.csv")
