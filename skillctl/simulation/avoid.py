@@ -17,6 +17,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.bodies import Body, Box
 from skillctl.model.kept_out import admitted, kept_out
@@ -26,7 +27,7 @@ from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.placement import Placement
-from skillctl.simulation.scenario import BoxObstacle, CylinderObstacle, Scenario
+from skillctl.simulation.scenario import BoxObstacle, Cup, CylinderObstacle, Scenario
 from skillctl.simulation.scene import boxes
 
 BULLET_PADDING = 0.004  # [m], by which Bullet's boxes around meshes are larger on each side
@@ -44,11 +45,17 @@ class HandShape:
     Attributes:
         low, high: Corners of all parts.
         fingers: Which of them are fingers, two or none.
+        carried: The cup in the hand.
     """
 
     low: FloatArray
     high: FloatArray
     fingers: tuple[int, ...]
+    carried: Cup | None = None
+
+    def carrying(self, cup: Cup) -> HandShape:
+        """Return the hand with a cup upright in it, whose foot comes as near to a board as the margin."""
+        return replace(self, carried=cup)
 
     def around(self, axes: FloatArray, parts: list[int] | None = None) -> tuple[FloatArray, FloatArray]:
         """Return the corners (3,) of one box around parts of the hand, along axes (rows, (3, 3))."""
@@ -59,6 +66,9 @@ class HandShape:
             for k in chosen
             for i, j, m in np.ndindex(2, 2, 2)
         ]
+        if self.carried is not None and parts is None:
+            beside, foot = self.carried.radius, 0.5 * self.carried.height - ROOM
+            corners += [np.array([-beside, -beside, -foot]), np.array([beside, beside, foot])]
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
@@ -97,15 +107,22 @@ class Avoidance:
         scenario, placement: Of the run.
         shape: Of the hand.
         kinematics: Gives the hand's orientation at the target.
+        starts: Where the hand is known to start, (n, d), in the skill's frame: it keeps out of nothing there.
+        stages: Of a chain: what keeps each of its stages out.
     """
 
     scenario: Scenario
     placement: Placement
     shape: HandShape
     kinematics: Kinematics
+    starts: FloatArray | None = None
+    stages: tuple[Avoidance, ...] = ()
 
     def applied(self, skill: AnySkill, moved: FloatArray) -> AnySkill:
         """Return a skill, moved in the workspace by ``moved`` (3,) [m], that keeps out of the scene."""
+        if isinstance(skill, ChainedSkill):
+            parts = zip(self.stages, skill.parts, strict=True)
+            return replace(skill, parts=tuple(stage.applied(part, moved) for stage, part in parts))
         if isinstance(skill, CombinedSkill) and self.kinematics.hand == "taught":  # parts turn it differently
             return replace(skill, parts=tuple(self.applied(part, moved) for part in skill.parts))
         bodies, _ = self.admitted(skill, moved)
@@ -113,6 +130,9 @@ class Avoidance:
 
     def said(self, skill: Skill) -> str:
         """Return what of the scene a skill is kept out of, and of what it is not and why, in a sentence."""
+        if isinstance(skill, ChainedSkill):
+            said = (stage.said(part) for stage, part in zip(self.stages, skill.parts, strict=True))
+            return " ".join(f"stage {number}: {text}" for number, text in enumerate(said, start=1))
         bodies, refusals = self.admitted(skill, np.zeros(3))
         names = ", ".join(dict.fromkeys(body.name for body in bodies)) or "nothing"
         meshes = [f"{each.name} (a mesh)" for each in self.scenario.obstacles if each.kind == "mesh"]
@@ -128,7 +148,7 @@ class Avoidance:
         target = ends[0]  # of a pose with its orientation
         target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
-        return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
+        return admitted(skill, bodies, margin=MARGIN, stride=self._stride, starts=self.starts)
 
     @property
     def _unsure(self) -> bool:
@@ -215,8 +235,12 @@ class Avoidance:
         )
 
 
-def avoidance(scenario: Scenario, placement: Placement, kinematics: Kinematics) -> Avoidance | None:
+def avoidance(
+    scenario: Scenario, placement: Placement, kinematics: Kinematics, skill: Skill | None = None
+) -> Avoidance | None:
     """Return what keeps skills out of the scene; None if there is nothing, or it is not wanted.
+
+    For a chain it needs to know the ``skill``, since each stage has other surroundings.
 
     Raises:
         UsageError: It is wanted, and the skill is not in three dimensions at their own scale.
@@ -230,4 +254,18 @@ def avoidance(scenario: Scenario, placement: Placement, kinematics: Kinematics) 
             "avoid: bodies of the scene are known only to skills in three dimensions at scale 1.",
             hint="Leave --avoid out, or give --scale 1 to a skill in three dimensions.",
         )
-    return Avoidance(scenario, placement, hand_shape(kinematics.model), kinematics)
+    alone = Avoidance(scenario, placement, hand_shape(kinematics.model), kinematics)
+    return replace(alone, stages=tuple(_stages(alone, skill))) if isinstance(skill, ChainedSkill) else alone
+
+
+def _stages(alone: Avoidance, chain: ChainedSkill) -> Iterator[Avoidance]:
+    """Yield what keeps each stage of a chain out: its hand may carry a cup, or go to it."""
+    scenario, carried, starts = alone.scenario, False, None
+    for stage, events in enumerate(chain.events):
+        to_cup = stage in scenario.stages_at("cup")
+        seen = replace(alone, starts=starts, scenario=scenario.changed(target="cup" if to_cup else None))
+        if carried and scenario.cup is not None:
+            seen = replace(seen, shape=alone.shape.carrying(scenario.cup))
+        yield seen
+        starts = chain.parts[stage].attractors
+        carried = "close" in events or (carried and "open" not in events)
