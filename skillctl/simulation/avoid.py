@@ -45,17 +45,13 @@ class HandShape:
     Attributes:
         low, high: Corners of all parts.
         fingers: Which of them are fingers, two or none.
-        carried: The cup in the hand.
+        carried: The cup that stands upright in the hand. Its foot needs no more room than the margin.
     """
 
     low: FloatArray
     high: FloatArray
     fingers: tuple[int, ...]
     carried: Cup | None = None
-
-    def carrying(self, cup: Cup) -> HandShape:
-        """Return the hand with a cup upright in it, whose foot comes as near to a board as the margin."""
-        return replace(self, carried=cup)
 
     def around(self, axes: FloatArray, parts: list[int] | None = None) -> tuple[FloatArray, FloatArray]:
         """Return the corners (3,) of one box around parts of the hand, along axes (rows, (3, 3))."""
@@ -107,8 +103,7 @@ class Avoidance:
         scenario, placement: Of the run.
         shape: Of the hand.
         kinematics: Gives the hand's orientation at the target.
-        starts: Where the hand is known to start, (n, d), in the skill's frame: it keeps out of nothing there.
-        stages: Of a chain: what keeps each of its stages out.
+        starts: Where the motion is known to start, (n, d), in the skill's frame: it keeps out of no body there.
     """
 
     scenario: Scenario
@@ -116,13 +111,12 @@ class Avoidance:
     shape: HandShape
     kinematics: Kinematics
     starts: FloatArray | None = None
-    stages: tuple[Avoidance, ...] = ()
 
     def applied(self, skill: AnySkill, moved: FloatArray) -> AnySkill:
         """Return a skill, moved in the workspace by ``moved`` (3,) [m], that keeps out of the scene."""
         if isinstance(skill, ChainedSkill):
-            parts = zip(self.stages, skill.parts, strict=True)
-            return replace(skill, parts=tuple(stage.applied(part, moved) for stage, part in parts))
+            stages = zip(self._stages_of(skill), skill.parts, strict=True)
+            return replace(skill, parts=tuple(stage.applied(part, moved) for stage, part in stages))
         if isinstance(skill, CombinedSkill) and self.kinematics.hand == "taught":  # parts turn it differently
             return replace(skill, parts=tuple(self.applied(part, moved) for part in skill.parts))
         bodies, _ = self.admitted(skill, moved)
@@ -131,7 +125,7 @@ class Avoidance:
     def said(self, skill: Skill) -> str:
         """Return what of the scene a skill is kept out of, and of what it is not and why, in a sentence."""
         if isinstance(skill, ChainedSkill):
-            said = (stage.said(part) for stage, part in zip(self.stages, skill.parts, strict=True))
+            said = (stage.said(part) for stage, part in zip(self._stages_of(skill), skill.parts, strict=True))
             return " ".join(f"stage {number}: {text}" for number, text in enumerate(said, start=1))
         bodies, refusals = self.admitted(skill, np.zeros(3))
         names = ", ".join(dict.fromkeys(body.name for body in bodies)) or "nothing"
@@ -149,6 +143,19 @@ class Avoidance:
         target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
         return admitted(skill, bodies, margin=MARGIN, stride=self._stride, starts=self.starts)
+
+    def _stages_of(self, chain: ChainedSkill) -> Iterator[Avoidance]:
+        """Yield what keeps each stage of a chain out: its hand may carry a cup, or go to it."""
+        carried, starts = False, None
+        for stage, events in enumerate(chain.events):
+            to_cup = stage in self.scenario.stages_at("cup")
+            shape = self.shape
+            if carried and self.scenario.cup is not None:
+                shape = replace(shape, carried=self.scenario.cup)
+            seen = self.scenario.changed(target="cup" if to_cup else None)
+            yield replace(self, scenario=seen, shape=shape, starts=starts)
+            carried = "close" in events or (carried and "open" not in events)
+            starts = chain.parts[stage].attractors
 
     @property
     def _unsure(self) -> bool:
@@ -235,12 +242,8 @@ class Avoidance:
         )
 
 
-def avoidance(
-    scenario: Scenario, placement: Placement, kinematics: Kinematics, skill: Skill | None = None
-) -> Avoidance | None:
+def avoidance(scenario: Scenario, placement: Placement, kinematics: Kinematics) -> Avoidance | None:
     """Return what keeps skills out of the scene; None if there is nothing, or it is not wanted.
-
-    For a chain it needs to know the ``skill``, since each stage has other surroundings.
 
     Raises:
         UsageError: It is wanted, and the skill is not in three dimensions at their own scale.
@@ -254,18 +257,4 @@ def avoidance(
             "avoid: bodies of the scene are known only to skills in three dimensions at scale 1.",
             hint="Leave --avoid out, or give --scale 1 to a skill in three dimensions.",
         )
-    alone = Avoidance(scenario, placement, hand_shape(kinematics.model), kinematics)
-    return replace(alone, stages=tuple(_stages(alone, skill))) if isinstance(skill, ChainedSkill) else alone
-
-
-def _stages(alone: Avoidance, chain: ChainedSkill) -> Iterator[Avoidance]:
-    """Yield what keeps each stage of a chain out: its hand may carry a cup, or go to it."""
-    scenario, carried, starts = alone.scenario, False, None
-    for stage, events in enumerate(chain.events):
-        to_cup = stage in scenario.stages_at("cup")
-        seen = replace(alone, starts=starts, scenario=scenario.changed(target="cup" if to_cup else None))
-        if carried and scenario.cup is not None:
-            seen = replace(seen, shape=alone.shape.carrying(scenario.cup))
-        yield seen
-        starts = chain.parts[stage].attractors
-        carried = "close" in events or (carried and "open" not in events)
+    return Avoidance(scenario, placement, hand_shape(kinematics.model), kinematics)

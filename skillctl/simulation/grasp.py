@@ -139,6 +139,11 @@ class Grasping:
         """Whether a chain has to wait for the fingers; there is none here."""
         return False
 
+    @property
+    def load(self) -> float:
+        """Weight that the arm is told of, [N]: none."""
+        return 0.0
+
     def cup_moved(self, offset: FloatArray) -> None:
         """Move the place where the cup should stand by ``offset`` (3,) [m]."""
         self._standing.moved(offset)

@@ -17,6 +17,7 @@ from skillctl.simulation.scene import Contact, set_down_at
 SLIP = 0.1  # [s] without both fingers at the cup, after which it counts as lost: contacts may flicker
 REST_TIME, REST_STEP = 0.2, 2e-5  # [s], [m] in a control period: a lost cup has come to rest
 LONGEST_FALL = 3.0  # [s]
+GRAVITY = 9.81  # [m/s²]
 STANDS = 1.0  # [s] after it was let go: until then the cup must stand
 TRIES = 3  # times that the fingers close
 
@@ -69,6 +70,12 @@ class Handling:
     @property
     def _held(self) -> bool:
         return self._touching.issuperset(self._gripper.links)
+
+    @property
+    def load(self) -> float:
+        """Weight of the cup in the hand, of which the arm is told, [N]."""
+        cup = self._scenario.cup
+        return GRAVITY * cup.mass if cup is not None and self.phase == "carry" and self._held else 0.0
 
     def cup_moved(self, offset: FloatArray) -> None:
         """Move the place where the cup should stand by ``offset`` (3,) [m]."""

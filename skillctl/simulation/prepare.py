@@ -74,7 +74,7 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
                 kinematics = Kinematics(body, hand, base_yaw)
                 moved = bound(moved, placement, kinematics, scenario)
                 try:
-                    avoid = avoidance(scenario, placement, kinematics, moved)
+                    avoid = avoidance(scenario, placement, kinematics)
                     joints, plan = _start_and_plan(moved, placement, kinematics, scenario, avoid)
                 except RefusedError as error:
                     refusal = error
@@ -239,11 +239,7 @@ def _start_and_plan(
     if place is not None:
         joints = _required("start", place, kinematics.search(place), scenario)
     plan = plan_motion(skill, placement, scenario, kinematics.forward(joints), avoid=avoid)
-    ends = [plan.target]
-    if isinstance(skill, ChainedSkill):
-        ends = list(placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts])))
-    for end in ends:
-        _required("target", end, kinematics.search(end), scenario)
+    _required("target", plan.target, kinematics.search(plan.target), scenario)
     return joints, plan
 
 

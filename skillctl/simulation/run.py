@@ -19,7 +19,7 @@ from skillctl.simulation.episode import Episode, Outcome, Phase, RefusedError, S
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
 from skillctl.simulation.handling import STANDS, TRIES, Handling
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.ik import ACCEPTED_RESIDUAL, Kinematics, Solution
 from skillctl.simulation.joint_space import JointArm, joint_limits, joint_metrics
 from skillctl.simulation.judge import Judge, Verdict, apart
 from skillctl.simulation.motion import Motion
@@ -115,9 +115,7 @@ class _Run:
         self.perception = Perception(scenario)
         self.schedule = Schedule(scenario.disturbances)
         limits = scenario if setup.joint_plan is None else joint_limits(scenario, setup.arm)
-        avoid = None
-        if setup.joint_plan is None:
-            avoid = avoidance(scenario, setup.placement, self.kinematics, setup.skill)
+        avoid = avoidance(scenario, setup.placement, self.kinematics) if setup.joint_plan is None else None
         self.motion = Motion(setup.skill, setup.placement, limits, self.arm.period, avoid)
         self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
@@ -129,6 +127,8 @@ class _Run:
                 self.grasping = Handling(scenario, gripper, self.motion, cup, self._in_reach)
             else:
                 self.grasping = Grasping(scenario, gripper, cup, self._liftable)
+        if isinstance(self.arm, TorqueArm):
+            self.arm.follows = scenario.posture == "follow"
         self.recorder = Recorder(self.arm, self.scene)
 
     @property
@@ -188,6 +188,7 @@ class _Run:
             self.motion.slowed(share)
         if self.grasping:
             self.grasping.proceed(now, *self.motion.gap(place, self.motion.target(place)))
+            self.arm.load = self.grasping.load
         return None
 
     def _verdict(
@@ -256,7 +257,8 @@ class _Run:
 
     def _in_reach(self, cup: FloatArray) -> bool:
         """Return whether a cup of this pose (7,) stands on a board, where the hand can be at its middle."""
-        return self.scene.stands(cup) and self.kinematics.search(self.kinematics.at(cup[:3])).accepted
+        found = self.kinematics.search(self.kinematics.at(cup[:3]))
+        return self.scene.stands(cup) and found.residual < ACCEPTED_RESIDUAL
 
     def _require_free_start(self) -> None:
         contacts = self.scene.contacts_now()

@@ -285,6 +285,8 @@ class Scenario(Part):
         base_yaw: Turn of the arm's base about the vertical, [rad]. None: 0 in a scene, else the multiple of
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
+        posture: What a compliant arm draws its joints to where they do not move the hand: ``ready``, the ready
+            posture; ``follow``, the posture that a stiff arm would have there, which keeps off joint limits.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
         max_turn, max_turn_acceleration: Those of turning, of a pose skill, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
@@ -323,6 +325,7 @@ class Scenario(Part):
     hand: HandPolicy | None = None
     base_yaw: Number | None = None
     control: Control = "position"
+    posture: Literal["ready", "follow"] = "ready"
     max_speed: Positive = 0.3
     max_acceleration: Positive = 1.5
     max_turn: Positive = 1.5

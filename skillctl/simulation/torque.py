@@ -45,6 +45,7 @@ class TorqueArm(LiveArm):
         super().__init__(body, joints, kinematics)
         bullet, model = body.bullet, body.model
         self._posture = kinematics.home
+        self.follows, self._steps, self._posture_now = False, 0, joints
         self._rows = 3 if kinematics.hand == "free" else 6
         self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
         turns = 0.0 if kinematics.hand == "taught" else ROTATION_STIFFNESS
@@ -69,6 +70,8 @@ class TorqueArm(LiveArm):
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
         """Let one period pass: see ``LiveArm``."""
         state = self.state
+        if self.follows:
+            self._follow()
         self._places[self._columns] = state.joints
         jacobian = self.body.jacobian(self._places)[: self._rows]
         asked = np.zeros(self._rows)
@@ -81,12 +84,20 @@ class TorqueArm(LiveArm):
         wrench = self._damping * share * asked
         if self._stiffness.any():
             wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
+        wrench[2] += self.load
         free = np.eye(len(inverse)) - inverse @ jacobian
         spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
         stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
         damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
         self._apply(self._implicit(spring, stiffness, damping), push)
         return share
+
+    def _follow(self) -> None:
+        """Take as posture the joints that a stiff arm would have here."""
+        self._steps += 1
+        if self._steps % 4 == 0:
+            found = self.kinematics.follow(self.place_now, self._posture_now)
+            self._posture_now = self._posture = found.joints
 
     def _implicit(self, spring: FloatArray, stiffness: FloatArray, damping: FloatArray) -> FloatArray:
         """Return the torques (n,) of springs and dampers as they will be at the end of the period.
