@@ -19,12 +19,13 @@ from skillctl.model.skill import ActingSkill, AnySkill, Skill
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
-    """Raise UsageError unless there are two or more parts, all in the same state space.
+    """Raise UsageError unless there are two or more parts, no chains, all in the same state space.
 
     Args:
         parts: The skills to put together.
-        operation: Word for the message: ``merge`` or ``combine``.
+        operation: Word for the message: ``merge``, ``combine`` or ``adapt``.
     """
+    require_no_chains(parts, operation)
     if len(parts) < 2:
         raise UsageError(
             f"{operation}: needs at least two skills, got {len(parts)}.", hint="Name another skill."
@@ -50,6 +51,16 @@ def require_compatible(parts: Sequence[Skill], operation: str) -> None:
                     f"{operation}: {what} of skill {number}: {_text(found)}; of skill 1: {_text(expected)}.",
                     hint="Learn them again with the same columns, units and frame.",
                 )
+
+
+def require_no_chains(parts: Sequence[Skill], operation: str) -> None:
+    """Raise UsageError if a chain is among the parts: its stages act one after the other, not together."""
+    for number, part in enumerate(parts, start=1):
+        if part.kind == "chain":
+            raise UsageError(
+                f"{operation}: skill {number} is a chain; its stages have targets of their own.",
+                hint="Name its stages instead, and chain what comes of them.",
+            )
 
 
 def normalised(name: str, weights: npt.ArrayLike | None, count: int) -> FloatArray:

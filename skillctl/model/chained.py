@@ -19,7 +19,7 @@ from skillctl.model.mixture import GaussianMixture
 from skillctl.model.skill import ActingSkill, Kind, Skill
 
 OnJump: TypeAlias = Literal["stay", "back"]
-EVENT = re.compile(r"[a-z][a-z0-9_-]{0,63}( \d{1,6}(\.\d{1,9})?)?")
+EVENT = re.compile(r"[a-z][a-z0-9_-]{0,63}( [0-9]{1,6}(\.[0-9]{1,9})?)?")
 WAIT = "wait "
 
 

@@ -25,13 +25,18 @@ class Rollouts:
         times: Shape (T,), [s].
         positions: Shape (n, T, d). A trajectory rests at its last state once all have arrived.
         arrival_times: First time within the arrival distance of an attractor, NaN if never. Shape (n,), [s].
-        parts: Part that acted at the end, 0 for skills without regions. Shape (n,).
+        acting: Part that acts at each of these states, 0 for skills without regions or stages. Shape (n, T).
     """
 
     times: FloatArray
     positions: FloatArray
     arrival_times: FloatArray
-    parts: IntArray
+    acting: IntArray
+
+    @property
+    def parts(self) -> IntArray:
+        """Part that acted at the end. Shape (n,)."""
+        return self.acting[:, -1]
 
     @property
     def arrived(self) -> BoolArray:
@@ -40,9 +45,13 @@ class Rollouts:
 
     def trajectory(self, index: int) -> tuple[FloatArray, FloatArray]:
         """Return times and positions of one trajectory, cut at its arrival."""
-        arrival = self.arrival_times[index]
-        end = len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
+        end = self.length(index)
         return self.times[:end], self.positions[index, :end]
+
+    def length(self, index: int) -> int:
+        """Return how many states of one trajectory there are up to its arrival."""
+        arrival = self.arrival_times[index]
+        return len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
 
 
 def arrival_distance_of(skill: Skill) -> float:
@@ -91,9 +100,12 @@ def rollout(
     if parts is None:
         parts = skill.part_at(x)
     kept, times = [x], [0.0]
+    acting: list[IntArray] = []
     arrival = np.full(len(x), np.nan)
     for step in range(steps + 1):
         parts = skill.onward(x, parts)
+        if len(acting) < len(kept):
+            acting.append(parts)
         near = skill.arrived(x, parts, near_enough)
         arrival[near & np.isnan(arrival)] = step * period
         if step == steps or np.isfinite(arrival).all():
@@ -106,4 +118,5 @@ def rollout(
     if times[-1] < (last := step * period):  # all arrived between two states that would be kept
         kept.append(x)
         times.append(last)
-    return Rollouts(np.array(times), np.stack(kept, axis=1), arrival, parts)
+        acting.append(parts)
+    return Rollouts(np.array(times), np.stack(kept, axis=1), arrival, np.stack(acting, axis=1))

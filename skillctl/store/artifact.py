@@ -200,14 +200,8 @@ def _require_states(space: Space, arrays: Mapping[str, Array]) -> None:
 
 def _refuse_reserved(meta: Meta) -> None:
     """Raise LaterFeature for what the format reserves, and this build cannot use."""
-    command = meta.operation.command
-    reserved = {
-        "a chain of skills": meta.skill.kind == "chain",
-        f"the command {command}": command == "chain",
-        **{f"the gate {gate}": True for gate in unknown_gates(meta.skill)},
-    }
-    if used := [what for what, there in reserved.items() if there]:
-        raise LaterFeature(" and ".join(used))
+    if gates := dict.fromkeys(unknown_gates(meta.skill)):
+        raise LaterFeature(" and ".join(f"the gate {gate}" for gate in gates))
 
 
 def _meta_of(artifact: Artifact) -> Meta:

@@ -224,3 +224,22 @@ def test_instantaneous_skills_and_chains_are_no_stages(make_chain):
         ChainedSkill((chain,), [1.0], [()])
     with pytest.raises(InvalidModelError, match="a chain cannot be a part of another skill"):
         CombinedSkill((chain,), [1.0])
+
+
+def test_a_rollout_says_which_part_acts_at_each_state(make_chain, monkeypatch):
+    chain = make_chain()
+    period = min(PERIOD, contraction_period(chain))
+    whole = rollout(chain, [[1.5, -1.0], ENDS[0]], duration=200.0, period=period)
+    for path, acting in zip(whole.positions, whole.acting, strict=True):
+        expected, stage = [], 0
+        for x in path:
+            while stage < 2 and v_of(chain.parts[stage], x) <= LEVEL:
+                stage += 1
+            expected.append(stage)
+        assert acting.tolist() == expected
+    assert whole.acting[1, 0] == 1  # it starts at the end of the first stage
+    monkeypatch.setattr("skillctl.model.rollout.MOST_STATES", 50)
+    thinned = rollout(chain, [[1.5, -1.0], ENDS[0]], duration=200.0, period=period)
+    at = np.searchsorted(whole.times, thinned.times - period / 2)
+    assert len(thinned.times) < 60
+    assert (thinned.acting == whole.acting[:, at]).all()
