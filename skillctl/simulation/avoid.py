@@ -103,7 +103,7 @@ class Avoidance:
         scenario, placement: Of the run.
         shape: Of the hand.
         kinematics: Gives the hand's orientation at the target.
-        starts: Where the motion is known to start, (n, d), in the skill's frame: it keeps out of no body there.
+        starts: Where the motion is known to start, (n, d), in the skill's frame; a body there is left out.
     """
 
     scenario: Scenario
@@ -148,11 +148,8 @@ class Avoidance:
         """Yield what keeps each stage of a chain out: its hand may carry a cup, or go to it."""
         carried, starts = False, None
         for stage, events in enumerate(chain.events):
-            to_cup = stage in self.scenario.stages_at("cup")
-            shape = self.shape
-            if carried and self.scenario.cup is not None:
-                shape = replace(shape, carried=self.scenario.cup)
-            seen = self.scenario.changed(target="cup" if to_cup else None)
+            seen = self.scenario.changed(target="cup" if stage in self.scenario.stages_at("cup") else None)
+            shape = replace(self.shape, carried=self.scenario.cup if carried else None)
             yield replace(self, scenario=seen, shape=shape, starts=starts)
             carried = "close" in events or (carried and "open" not in events)
             starts = chain.parts[stage].attractors

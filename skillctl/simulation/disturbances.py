@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.values import NotNegative, Number, Part, Point, Positive
+from skillctl.simulation.values import NotNegative, Part, Point, Positive
 
 
 class Push(Part):
@@ -41,7 +41,7 @@ class Displace(Part):
 class Knock(Part):
     """A jump of the cup out of the hand by ``offset`` [m], ``time`` [s] after a chain has first taken it.
 
-    From there it falls, upright and at rest.
+    From there it falls, upright and at rest. A cup that is not in the hand then is left in peace.
     """
 
     kind: Literal["knock"] = "knock"

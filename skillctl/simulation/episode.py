@@ -188,6 +188,9 @@ class Metrics:
         cup_moved: Distance by which the hand moved the cup before the fingers closed, [m].
         cup_rise: Height of the cup above its start at the end, [m].
         grip_width: Distance of the fingers at the end, [m].
+        cup_off: Distance of the cup at the end from the place where a chain sets it down, no height, [m].
+        cup_lost, cup_stood: How often a chain lost the cup, and how often it then stood in reach.
+        cup_tries: How often the fingers of a chain closed.
     """
 
     final_error: float
@@ -211,6 +214,10 @@ class Metrics:
     grip_width: float
     final_turn: float
     manipulability: float
+    cup_off: float = np.nan
+    cup_lost: int = 0
+    cup_stood: int = 0
+    cup_tries: int = 0
 
 
 @dataclass(frozen=True, eq=False, slots=True)

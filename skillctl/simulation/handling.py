@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ SLIP = 0.1  # [s] without both fingers at the cup, after which it counts as lost
 REST_TIME, REST_STEP = 0.2, 2e-5  # [s], [m] in a control period: a lost cup has come to rest
 LONGEST_FALL = 3.0  # [s]
 GRAVITY = 9.81  # [m/s²]
+OFF_BOARD = 5e-3  # [m]: a cup this far above its place does not stand there
 STANDS = 1.0  # [s] after it was let go: until then the cup must stand
 TRIES = 3  # times that the fingers close
 
@@ -33,7 +35,7 @@ class Handling:
         began: When it began, [s].
         busy: Whether the fingers still do what the chain asked for.
         taken: When the cup was first taken, [s]; None before.
-        losses: How often the cup was lost and stood in reach.
+        lost, stood: How often the cup was lost, and how often it then stood in reach.
         closed: How often the fingers closed.
     """
 
@@ -58,7 +60,7 @@ class Handling:
         self.began = 0.0
         self.busy = False
         self.taken: float | None = None
-        self.losses, self.closed = 0, 0
+        self.lost, self.stood, self.closed = 0, 0, 0
         self._scenario, self._plan = scenario, scenario.grasp
         self._gripper, self._motion, self._in_reach = gripper, motion, in_reach
         self._standing = Standing(cup)
@@ -71,6 +73,10 @@ class Handling:
     def _held(self) -> bool:
         return self._touching.issuperset(self._gripper.links)
 
+    def carried(self, time: float) -> float | None:
+        """Return how long ago the cup in the hand was first taken, [s]; None if there is none in it."""
+        return time - self.taken if self.phase == "carry" and self.taken is not None else None
+
     @property
     def load(self) -> float:
         """Weight of the cup in the hand, of which the arm is told, [N]."""
@@ -82,7 +88,7 @@ class Handling:
         self._standing.moved(offset)
 
     def velocity(self, time: float, reference: FloatArray) -> FloatArray | None:
-        """Return that the hand stands still, (3,) [m/s], after the cup was lost; None while the chain acts."""
+        """Return no velocity (3,) [m/s] after the cup was lost; None while the chain moves the hand."""
         return np.zeros(3) if self.phase == "lost" else None
 
     def proceed(self, time: float, distance: float, turn: float = 0.0) -> None:
@@ -149,6 +155,7 @@ class Handling:
             self._gripper.open(self._plan.force, self._plan.speed)
             self._begin("lost", time)
             self._since = time
+            self.lost += 1
         return None
 
     def _lost(self, time: float, moved: float) -> Verdict | None:
@@ -159,15 +166,14 @@ class Handling:
         at_rest = time - self._since >= REST_TIME and waited >= self._plan.open_time
         if not at_rest and waited < LONGEST_FALL:
             return None
-        back = self._scenario.stages_at("cup")
-        if not (back and upright(self._cup) and self._in_reach(self._cup)):
+        if not (upright(self._cup) and self._in_reach(self._cup)):
             return self._why_lost("and does not stand in reach")
-        self.losses += 1
+        self.stood += 1
         if self.closed >= TRIES:
             return self._why_lost(f"{TRIES} times")
-        self._motion.move_stages(back, self._cup[:3] - self._standing.place)
+        self._motion.follow_cup(self._cup[:3] - self._standing.place)
         self._standing = Standing(self._cup)
-        self._motion.begin(back[0])
+        self._motion.take_again()
         self._event, self.busy = None, False
         self._begin("approach", time)
         return None
@@ -178,16 +184,21 @@ class Handling:
             return Verdict("missed", f"{missed.detail}, {end}")
         return Verdict("dropped", f"the cup left the hand {end}")
 
+    @property
+    def off_place(self) -> FloatArray:
+        """From the place where the cup shall stand to where it is, (3,), [m]; NaN without such a place."""
+        if self._scenario.place is None:
+            return np.full(3, np.nan)
+        return np.asarray(self._cup[:3] - set_down_at(self._scenario))
+
     def _set_down(self) -> Verdict:
-        cup = self._cup
-        if not upright(cup):
+        if not upright(self._cup):
             return Verdict("tipped", "the cup fell over after it was let go")
         if self._scenario.place is None:
             return Verdict("misplaced", "the cup was let go, and there is no place for it")
-        off = cup[:3] - set_down_at(self._scenario)
-        aside = length(off[:2])
-        if self._touching or abs(off[2]) > self._scenario.place.within:
-            return Verdict("misplaced", f"the cup is {1e3 * off[2]:.0f} mm above the board of its place")
-        if aside > self._scenario.place.within:
-            return Verdict("misplaced", f"the cup stands {1e3 * aside:.0f} mm from its place")
+        *aside, above = self.off_place
+        if abs(above) > OFF_BOARD:
+            return Verdict("misplaced", f"the cup is {1e3 * above:.0f} mm above where it should stand")
+        if (off := math.hypot(*aside)) > self._scenario.place.within:
+            return Verdict("misplaced", f"the cup stands {1e3 * off:.0f} mm from its place")
         return Verdict("placed")

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
 
 from skillctl.arrays import FloatArray
 from skillctl.model.chained import ChainedSkill
@@ -60,31 +58,28 @@ class Motion:
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._max_turn, self._max_turn_acceleration = scenario.max_turn, scenario.max_turn_acceleration
-        self._avoid = avoid
+        self._avoid, self._at_cup = avoid, scenario.stages_at("cup")
         self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._moved = np.zeros(self._ends.shape[1])
         self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
         self._speed, self._turning = 0.0, 0.0
 
-    def move_stages(self, stages: Sequence[int], offset: FloatArray) -> None:
-        """Move the targets of some stages of a chain, from 0, in the workspace by ``offset`` (3,) [m]."""
+    def follow_cup(self, offset: FloatArray) -> None:
+        """Move the skill with the cup by ``offset`` (3,) [m]; of a chain, the stages that are bound to it."""
         skill, placement = self._skill, self._placement
-        assert isinstance(skill, ChainedSkill)
-        for stage in stages:
+        if not isinstance(skill, ChainedSkill):
+            self.move(offset)
+            return
+        inner = placement.to_state(offset) - placement.to_state(np.zeros(3))
+        for stage in self._at_cup:
             self._ends[list(skill.stages[stage]), :3] += offset
-            inner = placement.to_state(offset) - placement.to_state(np.zeros(3))
             skill = skill.with_stage(stage, skill.parts[stage].translated(inner))
         self._skill = skill
         self._controller.follow(self._among_bodies())
 
-    def begin(self, stage: int) -> None:
-        """Begin a stage of a chain, from 0, anew."""
-        self._controller.go(stage)
-
-    @property
-    def stage(self) -> int:
-        """The stage of a chain that acts, from 0; 0 for any other skill."""
-        return self._controller.stage or 0
+    def take_again(self) -> None:
+        """Begin the first stage of a chain that is bound to the cup anew."""
+        self._controller.go(self._at_cup[0])
 
     @property
     def event(self) -> str | None:
@@ -217,7 +212,11 @@ def plan_motion(
             break
         places.append(place)
         moved, turned = motion.gap(motion.target(place), place)
-        if motion.done and moved < PLAN_ARRIVAL * scenario.tolerance and turned < PLAN_ARRIVAL * scenario.turn_tolerance:
+        if (
+            motion.done
+            and moved < PLAN_ARRIVAL * scenario.tolerance
+            and turned < PLAN_ARRIVAL * scenario.turn_tolerance
+        ):
             arrived = True
             break
     return Plan(np.stack(places), motion.target(place), arrived)

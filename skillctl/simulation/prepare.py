@@ -18,6 +18,7 @@ from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.bullet import silenced
+from skillctl.simulation.disturbances import Displace, Knock
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import POSE_POSITION, Kinematics, Solution
@@ -26,7 +27,6 @@ from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
 from skillctl.simulation.options import HandPolicy, Name
 from skillctl.simulation.placement import Placement, placements
-from skillctl.simulation.disturbances import Displace
 from skillctl.simulation.scenario import Scenario, Shelf, Table
 from skillctl.simulation.scene import board_height, cup_middle, set_down_at
 from skillctl.simulation.urdf import find_arm
@@ -166,11 +166,19 @@ def _require_hand(skill: Skill, scenario: Scenario) -> None:
 
 def _require_bound(skill: Skill, scenario: Scenario) -> None:
     if not isinstance(skill, ChainedSkill):
-        if scenario.bind:
-            raise UsageError("bind: only a chain has stages.", hint="Use --target.")
+        for name in ("bind", "place"):
+            if getattr(scenario, name):
+                raise UsageError(
+                    f"{name}: only a chain has stages, and sets a cup down.", hint="Use --target."
+                )
+        if any(isinstance(event, Knock) for event in scenario.disturbances):
+            raise UsageError("knock: only a chain carries a cup that can be knocked out of its hand.")
         return
     if scenario.target is not None:
         raise UsageError("target: a chain has one for each stage.", hint="Bind stages: --bind 1=cup.")
+    kinds = {event.kind for event in scenario.disturbances}
+    if "move-target" in kinds and not scenario.stages_at("cup"):
+        raise UsageError("move-target: no stage of the chain is bound to the cup.", hint="As in 1=cup.")
     for stage in scenario.bind:
         if not (stage.isdigit() and 1 <= int(stage) <= len(skill.parts)):
             raise UsageError(f"bind: this chain has stages 1 to {len(skill.parts)}, and no {stage!r}.")
@@ -193,7 +201,8 @@ def _named(name: Name, kinematics: Kinematics, scenario: Scenario) -> FloatArray
         return cup_middle(scenario)
     if name == "place":
         above = 0.0 if scenario.place is None else scenario.place.above
-        return set_down_at(scenario) + (0.0, 0.0, above)
+        x, y, height = set_down_at(scenario)
+        return np.array([x, y, height + above])
     if scenario.scene is None:
         return kinematics.forward(kinematics.home)[:3]
     return _before(scenario.scene)

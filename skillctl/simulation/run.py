@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,6 +85,10 @@ def simulate(
         metrics = joint_metrics(
             metrics, series, run.motion.target(run.arm.place_now), run.arm.gaps, scenario.tolerance
         )
+    if isinstance(handled := run.grasping, Handling):
+        off = float(np.linalg.norm(handled.off_place[:2]))
+        lost, stood, closed = handled.lost, handled.stood, handled.closed
+        metrics = replace(metrics, cup_off=off, cup_lost=lost, cup_stood=stood, cup_tries=closed)
     return Episode(
         scenario=scenario,
         setup=setup,
@@ -128,7 +133,7 @@ class _Run:
             else:
                 self.grasping = Grasping(scenario, gripper, cup, self._liftable)
         if isinstance(self.arm, TorqueArm):
-            self.arm.follows = scenario.posture == "follow"
+            self.arm.posture_follows = scenario.posture == "follow"
         self.recorder = Recorder(self.arm, self.scene)
 
     @property
@@ -216,18 +221,15 @@ class _Run:
                 self.scene.move_cup(offset[:3])
                 if self.grasping:
                     self.grasping.cup_moved(offset[:3])
-                if isinstance(self.setup.skill, ChainedSkill):
-                    self.motion.move_stages(self.scenario.stages_at("cup"), offset[:3])
-                else:
-                    self.motion.move(offset[:3])
+                self.motion.follow_cup(offset[:3])
                 self._look()
                 continue
             offset[3:] = event.turn[: len(offset) - 3]
             if not self._displaced(offset):
                 where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset[:3]))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
-        if isinstance(self.grasping, Handling) and self.grasping.taken is not None:
-            knocked = self.schedule.knocked(now - self.grasping.taken)
+        if isinstance(self.grasping, Handling) and (carried := self.grasping.carried(now)) is not None:
+            knocked = self.schedule.knocked(carried)
             if knocked is not None:
                 self.scene.move_cup(knocked)
         return None

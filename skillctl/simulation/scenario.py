@@ -35,6 +35,7 @@ from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.disturbances import Displace, Disturbance, Knock, MoveTarget, Push
 from skillctl.simulation.options import Board, Control, HandPolicy, Name, Plane
+from skillctl.simulation.taking import DEFAULT_PLACE, Destination, Grasp
 from skillctl.simulation.values import (
     Count,
     Flag,
@@ -50,8 +51,6 @@ from skillctl.simulation.values import (
     Vector,
 )
 from skillctl.toml_files import complaint
-
-DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
 
 class Shelf(Part):
@@ -165,59 +164,6 @@ class Cup(Part):
         return DEFAULT_PLACE if self.position is None else self.position
 
 
-class Destination(Part):
-    """Where a chain sets the cup down.
-
-    Attributes:
-        position: Place of the cup's axis, (x, y), [m]. None: (0.62, 0); in a batch it may be drawn.
-        board: The board of a shelf on which it shall stand.
-        above: Height of the cup above the board when the fingers open, [m].
-        within: Largest distance from the position, along the board, that counts as set down there, [m].
-    """
-
-    position: Place | None = None
-    board: Board = "top"
-    above: Positive = 0.008
-    within: Positive = 0.02
-
-    @property
-    def place(self) -> Place:
-        """Place of the cup's axis, (x, y), [m]."""
-        return DEFAULT_PLACE if self.position is None else self.position
-
-
-class Grasp(Part):
-    """The motion of the hand when it has reached the cup; a chain only takes its fingers' part.
-
-    Attributes:
-        distance, turn: Distance to the target [m], of a pose skill angle [rad], at which fingers close.
-        force: Force of each finger, [N].
-        speed: Speed of each finger, [m/s].
-        close_time, open_time: Time from then to the lift, and for the fingers to open, [s].
-        lift: Height of the lift, [m], with minimum jerk; less if the arm does not reach so far, but not less
-            than ``rise``.
-        lift_time, hold_time: Duration of the lift, and of the hold after it, [s].
-        rise: Smallest height of the cup above its start during the hold, [m].
-    """
-
-    distance: Positive = 0.006
-    turn: Positive = 0.1
-    force: Positive = 20.0
-    speed: Positive = 0.1
-    close_time: Positive = 0.8
-    open_time: Positive = 0.5
-    lift: Positive = 0.10
-    lift_time: Positive = 1.2
-    hold_time: Positive = 1.0
-    rise: Positive = 0.05
-
-    @model_validator(mode="after")
-    def _lifts_enough(self) -> Grasp:
-        if self.lift < self.rise:
-            raise ValueError("lift: must not be less than rise.")
-        return self
-
-
 class Sampling(Part):
     """Ranges from which the episodes of a batch are drawn uniformly. None: the scenario's own value.
 
@@ -285,8 +231,8 @@ class Scenario(Part):
         base_yaw: Turn of the arm's base about the vertical, [rad]. None: 0 in a scene, else the multiple of
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
-        posture: What a compliant arm draws its joints to where they do not move the hand: ``ready``, the ready
-            posture; ``follow``, the posture that a stiff arm would have there, which keeps off joint limits.
+        posture: What a compliant arm draws its joints to, as far as that does not move the hand: the ready
+            posture, or (``follow``) that of a stiff arm where the hand is, which keeps off joint limits.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
         max_turn, max_turn_acceleration: Those of turning, of a pose skill, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
