@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, cast, get_args
@@ -12,6 +13,7 @@ import typer
 from skillctl.cli import render, words
 from skillctl.cli.output import Output
 from skillctl.errors import UsageError
+from skillctl.opening import open_regular
 
 EXAMPLES = """\b
 Example:
@@ -82,9 +84,11 @@ def _installed(shell: Shell, script: str) -> tuple[Path, Path | None]:
     zsh_home = Path(os.environ.get("ZDOTDIR") or home)
     startup = zsh_home / ".zshrc" if shell == "zsh" else home / ".bashrc"
     line = f"[ -r '{path}' ] && . '{path}'  # completion of skillctl\n"
-    if not startup.exists() or line not in startup.read_text(encoding="utf-8", errors="replace"):
-        with startup.open("a", encoding="utf-8") as file:  # in place: it may be a link to where it is kept
-            file.write(line)
+    with suppress(FileNotFoundError), open_regular(startup) as before:
+        if line.encode() in before.read():
+            return path, startup
+    with startup.open("a", encoding="utf-8") as file:  # in place: it may be a link to where it is kept
+        file.write(line)
     return path, startup
 
 

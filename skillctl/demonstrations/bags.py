@@ -16,6 +16,7 @@ from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, listed
 from skillctl.errors import InputDataError, did_you_mean, printable
 from skillctl.model.space import AXIS_NAMES
+from skillctl.opening import open_regular
 
 KIND = "bag"
 STARTS = {b"#ROSBAG V": "ROS 1", b"\x89MCAP": ".mcap", b"SQLite format 3\0": ".db3"}
@@ -235,6 +236,6 @@ def _opened(path: str) -> Iterator[_Bag]:
 
 
 def _start(path: Path) -> str:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         content = file.read(max(map(len, STARTS)))
     return next((kind for start, kind in STARTS.items() if content.startswith(start)), "")

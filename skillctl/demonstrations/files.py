@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.opening import open_regular
 from skillctl.workers.child import Child, ChildDiedError
 from skillctl.workers.limits import Limits
 
@@ -114,9 +115,7 @@ def read_bytes(path: Path) -> bytes:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
             return b""
-        if not stat.S_ISREG(status.st_mode):
-            raise InputDataError(f"{path}: is not a regular file.", hint="Copy the data into a file.")
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(HEAD)
             if content.startswith(OPENED):
                 return content
@@ -140,7 +139,7 @@ def read_bytes(path: Path) -> bytes:
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file in hexadecimal; the file may be larger than the memory."""
     digest = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while piece := file.read(2**20):
             digest.update(piece)
     return digest.hexdigest()

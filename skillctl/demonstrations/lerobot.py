@@ -15,6 +15,7 @@ from skillctl.demonstrations.features import Choice, Features, choose, numbered,
 from skillctl.demonstrations.files import File
 from skillctl.demonstrations.recording import Recording, listed
 from skillctl.errors import InputDataError, printable
+from skillctl.opening import open_regular
 
 KIND = "LeRobot dataset"
 INFO = "meta/info.json"
@@ -134,7 +135,7 @@ def stacks(path: str, keys: list[str]) -> dict[str, FloatArray]:
 
 def _info(path: str) -> dict[str, Any]:
     """Return what the dataset says of itself."""
-    with (Path(path) / INFO).open("rb") as file:
+    with open_regular(Path(path) / INFO) as file:
         content = file.read(MAX_INFO + 1)
     if len(content) > MAX_INFO:
         raise InputDataError(f"{INFO} is larger than {MAX_INFO / 2**20:.0f} MiB.")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from skillctl.errors import InputDataError, printable
+from skillctl.opening import open_regular
 
 READ = (".stl", ".obj", ".dae")  # by Bullet
 SCHEMES = ("package://", "model://")
@@ -33,7 +35,7 @@ def find_mesh(name: str, folder: Path) -> Path:
         raise _refused(name, "which is not on this machine", "Download the mesh, and name its file.")
     alike: list[Path] = []
     for path in _in_packages(plain[len(scheme) :], folder) if scheme else _near(plain, folder):
-        if path.is_file():
+        if path.exists() and not path.is_dir():
             _require_readable(name, path)
             return path.resolve()
         if path.parent.is_dir():
@@ -77,7 +79,7 @@ def _in_packages(name: str, folder: Path) -> Iterator[Path]:
 
 def _require_readable(name: str, path: Path) -> None:
     size, suffix = path.stat().st_size, path.suffix.lower()
-    with path.open("rb") as file:
+    with _opened(name, path) as file:
         start = file.read(STL_HEADER + STL_COUNT)
     if start.startswith(LFS):
         raise _refused(name, "which is a Git LFS pointer, not a mesh", "Fetch the meshes: git lfs pull")
@@ -85,6 +87,10 @@ def _require_readable(name: str, path: Path) -> None:
         raise _refused(name, "which is empty", "Copy the mesh again.")
     if suffix not in READ:
         raise _refused(name, "which Bullet does not read", f"Convert it to one of {', '.join(READ)}.")
+    if suffix == ".obj":
+        for library in _named_in(name, path, b"mtllib"):
+            for texture in _named_in(name, library, b"map_"):
+                _opened(name, texture).close()
     if suffix == ".stl":
         count = int.from_bytes(start[STL_HEADER:], "little")
         if size >= STL_HEADER + STL_COUNT + count * STL_TRIANGLE and size >= STL_HEADER + STL_COUNT:
@@ -96,3 +102,22 @@ def _require_readable(name: str, path: Path) -> None:
                 "Convert it to binary STL, for example with MeshLab or trimesh.",
             )
         raise _refused(name, "which is no STL file, or is cut off", "Copy the mesh again.")
+
+
+def _opened(name: str, path: Path) -> BinaryIO:
+    """Open a file that Bullet will open: of a pipe it would wait for the first byte."""
+    try:
+        return open_regular(path)
+    except InputDataError:
+        also = "" if path.name == Path(name).name else f", with {path.name}"
+        raise _refused(
+            f"{name}{also}", "which is not a regular file", "Copy what it holds into a file."
+        ) from None
+
+
+def _named_in(name: str, path: Path, key: bytes) -> list[Path]:
+    """Return the files that exist of those that lines of a mesh, or of its materials, name."""
+    with _opened(name, path) as file:
+        lines = [line.split(maxsplit=1) for line in file if line.lstrip().startswith(key)]
+    places = [path.parent / os.fsdecode(line[1].strip()) for line in lines if len(line) == 2]
+    return [place for place in places if place.exists()]

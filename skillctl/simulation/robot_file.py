@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from skillctl.errors import InputDataError, UsageError, did_you_mean, printable
+from skillctl.opening import open_regular
 
 BOUNDED = ("revolute", "prismatic")
 JOINT_TYPES = (*BOUNDED, "continuous", "fixed")
@@ -20,6 +21,7 @@ FOREIGN = {
     "COLLADA": "a COLLADA file",
 }
 CHECK = "Check the file and the meshes it names."
+MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +201,10 @@ def read_robot(path: Path) -> Robot:
         InputDataError: It is no URDF file, or describes no tree of links.
     """
     try:
-        content = path.read_bytes()
+        with open_regular(path) as file:
+            content = file.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise Xml.ParseError(f"it is larger than {MAX_BYTES / 2**20:.0f} MiB")
         if b"<!ENTITY" in content:  # no robot needs them, and they can take all memory
             raise Xml.ParseError("it defines entities")
         root = Xml.fromstring(content)

@@ -23,7 +23,6 @@ from skillctl.workers.child import Child, ChildDiedError
 from skillctl.workers.limits import Limits
 
 LIMITS = Limits(seconds=60.0, memory=2**32)  # to load the file and its meshes
-MAX_BYTES = 16 * 2**20  # of the file itself; meshes are files of their own
 REDUNDANT = 7  # joints: with fewer, a hand that does not turn with the arm meets singularities of the wrist
 SURVEY_POSTURES = 400  # from which the comfortable workspace is estimated
 
@@ -64,8 +63,6 @@ def find_arm(
         raise NotFoundError(
             f"{name}: there is no such arm.", hint=f"One of {', '.join(ARMS)}, or the path of a URDF file."
         ) from error
-    if not path.is_file() or stamp.st_size > MAX_BYTES:
-        raise InputDataError(f"{name}: is no file, or larger than {MAX_BYTES / 2**20:.0f} MiB.")
     load_bullet()  # its absence is reported before anything about the file
     paths = tuple(os.environ.get(variable, "") for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"))
     return _read(path, (path.resolve(), stamp.st_mtime_ns, *paths), tip, home, hold)

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from skillctl.errors import NotFoundError, StoreError, did_you_mean, printable
+from skillctl.errors import InputDataError, NotFoundError, StoreError, did_you_mean, printable
+from skillctl.opening import is_regular, open_regular
 from skillctl.store.errors import NotAnArtifactError, RefusedFileError
 from skillctl.store.locating import is_version_file, require_outside_store
 
@@ -70,7 +71,7 @@ def _opened(path: Path, limit: int) -> Iterator[tuple[int, int]]:
     try:
         with system_errors(f"read {path}"):
             status = os.fstat(descriptor)
-            if not stat.S_ISREG(status.st_mode):
+            if not is_regular(descriptor):
                 raise _not_a_file(path, status.st_mode)
             if status.st_size > limit:
                 raise NotAnArtifactError(str(path), f"larger than {limit / (1 << 20):g} MiB")
@@ -147,8 +148,8 @@ def write_changed(path: Path, data: bytes) -> bool:
     Raises:
         StoreError: See ``write_file``.
     """
-    with suppress(OSError):  # the writer says what is wrong
-        if path.is_file() and path.read_bytes() == data:
+    with suppress(OSError, InputDataError), open_regular(path) as file:  # the writer says what is wrong
+        if file.read(len(data) + 1) == data:
             return False
     write_file(path, data)
     return True

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.opening import read_from_pipe_or_file
 from skillctl.store.errors import InvalidSignaturesError
 from skillctl.store.files import missing_file, read_once, refused_as, system_errors, write_file
 from skillctl.store.folder import SIGNATURE_SUFFIX
@@ -229,8 +230,7 @@ def _key_bytes(path: Path) -> bytes:
     """Return what a key file holds; keys may lie behind links and in pipes."""
     with system_errors(f"read {path}"):
         try:
-            with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
+            data = read_from_pipe_or_file(path, MAX_BYTES + 1)
         except FileNotFoundError:
             raise missing_file(path) from None
     if len(data) > MAX_BYTES:

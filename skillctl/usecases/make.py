@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from skillctl.compose.parts import notes_on
 from skillctl.demonstrations.formats import digest_of
-from skillctl.errors import FitError
+from skillctl.errors import FitError, InputDataError
 from skillctl.evaluate.errors import report_errors
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
@@ -337,6 +337,6 @@ def _value(value: object) -> str:
 
 def _sha256(path: Path) -> str:
     try:
-        return digest_of(path) if path.is_file() or path.is_dir() else ""  # a pipe would be waited for
-    except OSError:
+        return digest_of(path)
+    except (OSError, InputDataError):
         return ""  # the reader says in words what is wrong with it
