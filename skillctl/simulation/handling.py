@@ -110,7 +110,15 @@ class Handling:
             self._begin("close", time)
         elif event == "open":
             self._gripper.open(self._plan.force, self._plan.speed)
-            self._begin("open", time)
+            if self.phase == "carry" and not self._held:  # it has just been lost
+                self._lose(time)
+            else:
+                self._begin("open", time)
+
+    def _lose(self, time: float) -> None:
+        self._begin("lost", time)
+        self._since = time
+        self.lost += 1
 
     def _ended(self, event: str | None, time: float) -> None:
         if event == "close":
@@ -153,9 +161,7 @@ class Handling:
             return Verdict("grasped") if time - self._done_since >= self._plan.hold_time else None
         if time - self._since >= SLIP:
             self._gripper.open(self._plan.force, self._plan.speed)
-            self._begin("lost", time)
-            self._since = time
-            self.lost += 1
+            self._lose(time)
         return None
 
     def _lost(self, time: float, moved: float) -> Verdict | None:
