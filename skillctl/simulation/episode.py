@@ -10,6 +10,7 @@ import numpy as np
 from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.rotations import angles, vectors
 from skillctl.simulation.arms import ArmModel
@@ -172,7 +173,7 @@ class Metrics:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
         final_turn: Angle of a taught hand to the orientation of its target then, [rad].
         time_to_target: Time from which the hand stayed within the tolerances, or near enough for the fingers
-            to close, [s]; NaN if it did not.
+            to close, [s]; of a chain with a cup, when it had let it go; NaN if it did not.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
@@ -220,6 +221,15 @@ class Metrics:
     cup_tries: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class StageTime:
+    """When a stage of a chain, from 1, began and ended, [s]; one that began anew is listed again."""
+
+    stage: int
+    began: float
+    ended: float
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Episode:
     """One run of a skill on an arm.
@@ -246,6 +256,19 @@ class Episode:
     def target(self) -> FloatArray:
         """Workspace position of the target at the end, shape (3,), [m]."""
         return np.asarray(self.series.targets[-1])
+
+    @property
+    def stages(self) -> tuple[StageTime, ...]:
+        """The stages of a chain in the order in which they acted; none of any other skill."""
+        skill, series = self.setup.skill, self.series
+        if not isinstance(skill, ChainedSkill):
+            return ()
+        acting = np.array([skill.stage_of(part) for part in series.parts.tolist()])
+        again = (np.diff(series.phases, prepend=0) != 0) & (series.phases == PHASES.index("approach"))
+        first = np.flatnonzero((np.diff(acting, prepend=-1) != 0) | again)
+        ends = series.times[[*first[1:].tolist(), len(acting) - 1]]
+        rows = zip((acting[first] + 1).tolist(), series.times[first].tolist(), ends.tolist(), strict=True)
+        return tuple(StageTime(*row) for row in rows)
 
     @property
     def success(self) -> bool:

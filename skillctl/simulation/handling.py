@@ -37,6 +37,7 @@ class Handling:
         taken: When the cup was first taken, [s]; None before.
         lost, stood: How often the cup was lost, and how often it then stood in reach.
         closed: How often the fingers closed.
+        let_go: When the fingers had let the cup go, [s]; NaN before.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Handling:
         self.busy = False
         self.taken: float | None = None
         self.lost, self.stood, self.closed = 0, 0, 0
+        self.let_go = math.nan
         self._scenario, self._plan = scenario, scenario.grasp
         self._gripper, self._motion, self._in_reach = gripper, motion, in_reach
         self._standing = Standing(cup)
@@ -126,6 +128,7 @@ class Handling:
             if self.taken is None and self._held:
                 self.taken = time
         elif event == "open":
+            self.let_go = time
             self._begin("leave", time)
 
     def _begin(self, phase: Phase, time: float) -> None:

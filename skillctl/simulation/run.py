@@ -89,6 +89,7 @@ def simulate(
         off = float(np.linalg.norm(handled.off_place[:2]))
         lost, stood, closed = handled.lost, handled.stood, handled.closed
         metrics = replace(metrics, cup_off=off, cup_lost=lost, cup_stood=stood, cup_tries=closed)
+        metrics = replace(metrics, time_to_target=handled.let_go)
     return Episode(
         scenario=scenario,
         setup=setup,

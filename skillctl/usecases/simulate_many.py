@@ -228,9 +228,9 @@ def _parts(source: Source, rows: tuple[Row, ...]) -> tuple[PartTally, ...]:
 
 
 def _part_names(source: Source) -> tuple[str, ...]:
-    """Return the names of the parts of a combined skill, none for any other."""
+    """Return the names of the parts of a combined skill, none for any other; those of a chain act in turn."""
     count, parents = len(source.skill.acting_parts), source.artifact.provenance.parents
-    if count == 1:
+    if count == 1 or source.skill.kind == "chain":
         return ()
     if len(parents) != count:  # a combined skill among the parents was taken apart
         return tuple(f"part {number}" for number in range(1, count + 1))
