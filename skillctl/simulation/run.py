@@ -87,9 +87,14 @@ def simulate(
         )
     if isinstance(handled := run.grasping, Handling):
         off = float(np.linalg.norm(handled.off_place[:2]))
-        lost, stood, closed = handled.lost, handled.stood, handled.closed
-        metrics = replace(metrics, cup_off=off, cup_lost=lost, cup_stood=stood, cup_tries=closed)
-        metrics = replace(metrics, time_to_target=handled.let_go)
+        metrics = replace(
+            metrics,
+            time_to_target=handled.let_go,
+            cup_off=off,
+            cup_lost=handled.lost,
+            cup_stood=handled.stood,
+            cup_tries=handled.closed,
+        )
     return Episode(
         scenario=scenario,
         setup=setup,

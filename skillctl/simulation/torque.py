@@ -90,12 +90,12 @@ class TorqueArm(LiveArm):
         wrench = self._damping * share * asked
         if self._stiffness.any():
             wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
-        wrench[2] += self.load
         free = np.eye(len(inverse)) - inverse @ jacobian
         spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
         stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
         damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
-        self._apply(self._implicit(spring, stiffness, damping), push)
+        carrying = self.load * jacobian[2]  # as gravity, not a part of what is predicted
+        self._apply(self._implicit(spring, stiffness, damping) + carrying, push)
         return share
 
     def _follow(self) -> None:

@@ -13,7 +13,7 @@ import pytest
 from skillctl.errors import UsageError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.episode import PHASES, Episode
+from skillctl.simulation.episode import Episode
 from skillctl.simulation.handling import STANDS, TRIES, Handling
 from skillctl.simulation.judge import Verdict
 from skillctl.simulation.run import simulate
