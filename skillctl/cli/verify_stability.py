@@ -102,7 +102,7 @@ def verify_stability(
     if signer is not None:
         required = replace(required, signer=read_public_key(signer))
     workers = work.workers()
-    with output.progress("proving") if len(skills) > 1 else nullcontext() as progress:
+    with output.progress("proving") if len(skills) > 1 or work.scheduler else nullcontext() as progress:
         verified = verify_skills(
             skills,
             store=place.store,

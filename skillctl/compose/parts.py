@@ -11,11 +11,13 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import congruent
 from skillctl.model.pose import Pose
 from skillctl.model.retarget import goal_of, retargeted
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import ActingSkill, AnySkill, Skill
+from skillctl.model.space import Space
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
@@ -23,7 +25,7 @@ def require_compatible(parts: Sequence[Skill], operation: str) -> None:
 
     Args:
         parts: The skills to put together.
-        operation: Word for the message: ``merge``, ``combine`` or ``adapt``.
+        operation: Word for the message: ``merge``, ``combine``, ``chain`` or ``adapt``.
     """
     require_no_chains(parts, operation)
     if len(parts) < 2:
@@ -87,13 +89,23 @@ def in_one_space(parts: Sequence[AnySkill]) -> tuple[AnySkill, ...]:
     """Return the parts with one characteristic length ℓ, of poses: the geometric mean of theirs.
 
     The motions stay exactly as they are: ℓ is the unit in which a skill counts angles, so that only means and
-    covariances of the last three charted coordinates change.
+    covariances of the last three charted coordinates change, those of regions included.
     """
     lengths = [part.space.length for part in parts if isinstance(part.space, Pose)]
     if len(set(lengths)) < 2:
         return tuple(parts)
     length = float(np.exp(np.mean(np.log(lengths))))
-    return tuple(part.with_leaves(lambda leaf: _in_length(leaf, length)) for part in parts)
+    return tuple(_in_length(part, length) for part in parts)
+
+
+def _in_length(skill: AnySkill, length: float) -> AnySkill:
+    stretched = skill.with_leaves(lambda leaf: _leaf_in_length(leaf, length))
+    if not isinstance(skill, CombinedSkill) or not skill.regions:
+        return stretched
+    by = np.diag(_scale(skill.space, length))
+    places = zip(skill.regions, skill.parts, strict=True)
+    regions = tuple(region.mapped(by, part.anchor) for region, part in places)
+    return replace(stretched, regions=regions)  # type: ignore[type-var]
 
 
 def prepared(
@@ -115,11 +127,17 @@ def prepared(
     return on_one_attractor(acting, normalised("weights", weights, len(parts)), target, turn=True)
 
 
-def _in_length(leaf: SedsSkill, length: float) -> SedsSkill:
+def _scale(space: Space, length: float) -> FloatArray:
+    """Return by how much charted coordinates (d,) of poses grow with another characteristic length."""
+    before = space.length if isinstance(space, Pose) else length
+    return np.where(np.arange(space.dimension) < space.positions, 1.0, length / before)
+
+
+def _leaf_in_length(leaf: SedsSkill, length: float) -> SedsSkill:
     space = leaf.space
     if not isinstance(space, Pose) or space.length == length:
         return leaf
-    scale = np.where(np.arange(space.dimension) < space.positions, 1.0, length / space.length)
+    scale = _scale(space, length)
     stretched, anchor = np.diag(scale), leaf.anchor
     return replace(
         leaf,

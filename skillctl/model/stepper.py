@@ -48,6 +48,10 @@ class Caps:
     speed: float = math.inf
     turn: float = math.inf
 
+    def within(self, others: Caps) -> Caps:
+        """Return the caps that keep both these and others."""
+        return Caps(min(self.speed, others.speed), min(self.turn, others.turn))
+
     def allow(self, space: Space, command: FloatArray) -> float:
         """Return the largest factor by which a command (d,) keeps both caps: below one if it breaks one."""
         moving, turning = space.speeds(command)

@@ -124,10 +124,13 @@ def run_batch(
             rate = finished / max(time.perf_counter() - began, 1e-9)
             progress(f"{successes} of {finished} succeeded, {rate:.1f} episodes/s", finished, count)
 
-    if progress is not None:
-        progress("starting", 0, count)
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, finished, count)
+
+    waiting("starting")
     task = partial(run_row, skill, scenario, starts, adapt=adapt)
-    rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
+    rows = (workers or Workers()).run(task, range(count), done=done, waiting=waiting, isolated=True)
 
     def crashed(index: int) -> Row:
         lost = drawn(scenario, index, starts, skill.space)

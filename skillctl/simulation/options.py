@@ -128,6 +128,14 @@ class ScenarioOptions:
         group=PLACING,
         help="Hold a joint of an arm by file at Q, rad or m, such as a slow torso. May be repeated.",
     )
+    package: tuple[str, ...] = option(
+        (),
+        repeated=True,
+        metavar="DIR",
+        group=PLACING,
+        help="Let an arm by file name meshes in DIR, too, not only in its own package: the nearest folder "
+        "above it with a package.xml, else its own. May be repeated.",
+    )
     start: tuple[float, ...] | str | None = option(
         read=read_start,
         metavar="home|X,Y,Z[,QX,QY,QZ,QW]",

@@ -139,7 +139,8 @@ def among_scene(skill: Skill, scenario: Scenario) -> AmongScene:
 
 def arm_of(scenario: Scenario) -> ArmModel:
     """Return the scenario's arm; errors are those of ``find_arm``."""
-    return find_arm(scenario.arm, scenario.tip, scenario.home, tuple(scenario.hold.items()))
+    held = tuple(scenario.hold.items())
+    return find_arm(scenario.arm, scenario.tip, scenario.home, held, scenario.package)
 
 
 def _require_start(skill: Skill, scenario: Scenario) -> None:

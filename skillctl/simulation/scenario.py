@@ -214,6 +214,8 @@ class Scenario(Part):
         arm: A name in ``ARMS``, or the path of a URDF file.
         tip, home, hold: The hand of an arm by path, a link; its ready posture, [rad]; joints that do not
             move, and where they stay, [rad] or [m] (see ``find_arm``).
+        package: Folders whose meshes an arm by path may name besides those of its own package. A scenario
+            file cannot say so.
         start: Start of the motion, in the skill's own coordinates. None: the arm's ready posture; in a scene
             10 cm before its front edge, 13 cm above the lowest board.
         target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
@@ -261,6 +263,7 @@ class Scenario(Part):
     tip: Annotated[str, Field(strict=True)] | None = None
     home: Vector | None = None
     hold: dict[str, Number] = Field(default_factory=dict)
+    package: tuple[Annotated[str, Field(strict=True)], ...] = Field((), exclude=True)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
     bind: dict[str, Name | Vector] = Field(default_factory=dict)

@@ -25,6 +25,8 @@ def read_scenario(path: Path) -> Scenario:
         InputDataError: It is not TOML, or a key is unknown, missing or has a bad value; names file and key.
     """
     document = read_toml(path, "scenario", HINT)
+    if "package" in document:  # nobody's file decides which others are read
+        raise InputDataError(f"{path}: package: this is for the command line.", hint="Add --package DIR.")
     try:
         scenario = Scenario(**document)
         obstacles = [_anchored(obstacle, path.parent) for obstacle in scenario.obstacles]

@@ -21,9 +21,7 @@ from skillctl.stability.parts import proved_rate
 from skillctl.stability.region import selectable_parts
 from skillctl.stability.report import Certificate, Motions, at_least, at_most
 from skillctl.stability.sampling import follow_box
-from skillctl.stability.sublevels import sublevels_of
-
-MOST_COORDINATES = 14  # 2^14 vertices of the start box, each an exact number
+from skillctl.stability.sublevels import MOST_COORDINATES, sublevels_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,6 +101,7 @@ def verify_stability(
 
     Raises:
         NotFoundError: There is no such cluster.
+        StoreError: The cluster was lost.
         UsageError: A box of another dimension than a skill, ``demos`` for a skill without demonstrations, or
             a skill that a scene means nothing to.
         InputDataError: The scenario file cannot be used.
@@ -115,6 +116,10 @@ def verify_stability(
             outcome = "unreadable" if isinstance(verdict, WorkerDied) else verdict.outcome
             progress(f"{named[position]} {outcome}", finished, len(named))
 
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, finished, len(named))
+
     workers = workers or Workers()
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
@@ -125,7 +130,7 @@ def verify_stability(
 
         asked = AskedTask.read(task, place, lock)
     work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
-    verdicts = workers.run(work, named, done=done)
+    verdicts = workers.run(work, named, done=done, waiting=waiting)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict
