@@ -1,4 +1,7 @@
-"""The program ``skillctl``: what must happen before anything heavy is imported."""
+"""The program ``skillctl``: what must happen before anything heavy is imported.
+
+An interrupt while the imports up here run is Python's to tell about, so they are few.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ import signal
 import sys
 import warnings
 
-from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import Terminated
 
 
@@ -20,11 +22,9 @@ def main() -> None:
     try:
         _run()
     except KeyboardInterrupt as stop:  # while modules were loaded; the command line tells of all others
-        from skillctl.cli.errors import describe
+        from skillctl.cli.output import Output
 
-        failure = describe(stop)
-        print(f"error: {failure.message}", file=sys.stderr)
-        sys.exit(failure.code)
+        sys.exit(Output.for_arguments(sys.argv[1:]).fail(stop))
 
 
 def _run() -> None:
@@ -70,6 +70,7 @@ def _terminate(*_: object) -> None:
 
 def _print_version() -> None:
     from skillctl import __version__
+    from skillctl.cli.exit_codes import ExitCode
 
     try:
         print(f"skillctl {__version__}", flush=True)

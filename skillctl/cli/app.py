@@ -27,6 +27,7 @@ COMMANDS = {
     "inspect": "Show what is in a skill.",
     "verify-stability": "Prove that skills reach their target.",
     "simulate": "Run a skill on a simulated arm.",
+    "run": "Run a skill on a robot.",
     "quickstart": "See all of the above on an example, in about a minute.",
     "ls": "List the skills of the store.",
     "diff": "Compare two skills.",

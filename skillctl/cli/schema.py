@@ -34,6 +34,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
         "skillctl.usecases.simulate_many:SimulateManyReport",
         "skillctl.usecases.check_reach:CheckReachReport",
     ),
+    "run": ("skillctl.usecases.run:RunReport",),
     "quickstart": ("skillctl.usecases.quickstart:QuickstartReport",),
     "ls": ("skillctl.usecases.ls:StoreReport",),
     "diff": ("skillctl.usecases.diff:DiffReport",),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from skillctl.model.coordinates.bodies import Body
 from skillctl.model.coordinates.gauge import Gauge
 from skillctl.model.course import Course
 from skillctl.model.kept_out import kept_out
+from skillctl.model.limits import Limits, Ramp
 from skillctl.model.skill import Skill, contraction_period
 from skillctl.model.steering import steered
-from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper, moved
+from skillctl.model.stepper import Caps, Step, Stepper, moved
 
 
 class Controller:
@@ -47,6 +50,7 @@ class Controller:
         *,
         keep_out: Sequence[Body] = (),
         margin: float | None = None,
+        limits: Limits | None = None,
         allow_unproved: bool = False,
     ) -> None:
         """Make a controller of a skill at its target.
@@ -56,6 +60,7 @@ class Controller:
             period: Time between two calls of ``step``, [s].
             keep_out: Bodies that the motion must not enter, in the skill's frame; see ``kept_out``.
             margin: What stays free around these, and around those that ``step`` is told of, [m].
+            limits: Of speed, acceleration and jerk, which hold at every step from rest on; see ``limits``.
             allow_unproved: Accept a longer period than is proved.
 
         The period is held against the one at which every component contracts, which agrees with the
@@ -78,11 +83,17 @@ class Controller:
                 hint="Step it more often, learn it with a longer --period, or pass allow_unproved=True.",
             )
         self.skill, self.period = skill, period
+        self._limits = limits or Limits()
+        self._ramp = self._at_rest()
         self._begin = 0  # the stage that a start begins with
         self._last: Step | None = None
         self._course = Course(period)
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
+
+    def __copy__(self) -> Controller:
+        """Return a controller that goes on from here by itself: no memory is shared."""
+        return deepcopy(self)
 
     @property
     def part(self) -> int | None:
@@ -117,9 +128,9 @@ class Controller:
         self.skill, self._stepper = skill, Stepper(skill, self.period)
 
     def reset(self) -> None:
-        """Forget which part acts: the next step is a start."""
-        self._last, self._begin = None, 0
-        self._course.begin()
+        """Forget which part acts, and what was commanded: the next step is a start from rest."""
+        self._start(0)
+        self._ramp = self._at_rest()
 
     def go(self, stage: int) -> None:
         """Begin a stage of a chain at the next step, as the one that takes a cup which was lost.
@@ -132,8 +143,11 @@ class Controller:
         """
         if not isinstance(self.skill, ChainedSkill) or not 0 <= stage < len(self.skill.parts):
             raise UsageError(f"stage: this skill has no stage {stage}.")
-        self.reset()
-        self._begin = stage
+        self._start(stage)
+
+    def _start(self, stage: int) -> None:
+        self._last, self._begin = None, stage
+        self._course.begin()
 
     def state(self) -> dict[str, Any]:
         """Return the memory as plain numbers and texts, for ``restore`` of a controller of the same skill."""
@@ -142,18 +156,19 @@ class Controller:
             offset = None if last.offset is None else last.offset.tolist()
             vectors = {"states": last.states.tolist(), "command": last.command.tolist(), "offset": offset}
             memory["last"] = {**vectors, "parts": int(last.parts)}
-        return memory
+        return memory if self._ramp is None else {**memory, "ramp": self._ramp.state()}
 
-    def restore(self, memory: Mapping[str, Any]) -> None:
-        """Go on where another controller of the same skill and period was.
+    def restore(self, memory: Mapping[str, Any], *, moving: bool = False) -> None:
+        """Go on where another controller of the same skill, period and limits was.
 
         Args:
             memory: What its ``state`` returned.
+            moving: Whether the robot still moves as was commanded then. If not, the limits begin at rest.
 
         Raises:
             UsageError: It is not that of such a controller; this one is as before.
         """
-        course = Course(self.period)
+        course, ramp = Course(self.period), self._at_rest()
         try:
             last, begin = memory["last"], range(len(self.skill.parts) or 1)[memory["begin"]]
             course.begin(**memory["course"])
@@ -162,12 +177,41 @@ class Controller:
                 offset = None if last["offset"] is None else self._vector(last["offset"])
                 part = range(len(self.skill.acting_parts))[last["parts"]]
                 last = Step(states, command, part, offset)
+            if moving and ramp is not None:
+                ramp.restore(memory["ramp"])
         except (KeyError, IndexError, TypeError, ValueError):
             raise UsageError("state: it is not that of a controller of this skill.") from None
-        self._course, self._last, self._begin = course, last, begin
+        self._course, self._last, self._begin, self._ramp = course, last, begin, ramp
 
     def _vector(self, values: Sequence[float]) -> FloatArray:
         return np.array(values, dtype=np.float64).reshape(self.skill.dimension)
+
+    def brake(self) -> FloatArray:
+        """Return the next command (d,) of a straight way to rest within the limits, whatever the skill says.
+
+        It takes at most ‖v‖ / acceleration + 2 acceleration / jerk, then the command is zero and ``resting``
+        true; without limits that is at once. A step after it goes on from there.
+        """
+        command = np.zeros(self.skill.dimension) if self._ramp is None else self._ramp.brake()
+        if self._last is not None:
+            states = moved(self.skill.space, self._last.states, command, self.period)
+            self._last = replace(self._last, states=states, command=command)
+        return command
+
+    @property
+    def rest(self) -> FloatArray | None:
+        """The state (d,) where ``brake`` leads after the last command; None before the first step."""
+        return self.next if self._last is None or self._ramp is None else self._ramp.rest(self._last.states)
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing more is commanded: before the first step, and at the end of ``brake``."""
+        if self._ramp is None:
+            return self._last is None or not self._last.command.any()
+        return self._ramp.resting
+
+    def _at_rest(self) -> Ramp | None:
+        return Ramp(self.skill.space, self._limits, self.period) if self._limits.ramps else None
 
     @property
     def next(self) -> FloatArray | None:
@@ -204,17 +248,28 @@ class Controller:
                 over anything but positions.
         """
         x = self.skill.space.measured(state)
-        caps = UNCAPPED
-        if max_speed is not None or max_turn is not None:
-            caps = Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn))
+        caps, ramp = self._caps(max_speed, max_turn), self._ramp
         self._measured = x
         part, near = self._acting(x, busy)
         bodies = [(body.name, self._inflated(body)) for body in seen]
-        self._last = self._stepper.step(x, part, caps, near)
+        if bodies:
+            bodies += self._known
+        ahead = x if ramp is None else ramp.ahead(x)
+        step = self._stepper.step(ahead, part, caps, near)
         self.blocked = ()
         if bodies:
-            self._last = self._steered(x, self._last, [*bodies, *self._known], caps)
-        return self._last.command
+            step = self._steered(ahead, step, bodies, caps)
+        if ramp is not None:
+            step = ramp.follow(x, ahead, step, self._stepper, caps, [gauge for _, gauge in bodies])
+        self._last = step
+        return step.command
+
+    def _caps(self, max_speed: float | None, max_turn: float | None) -> Caps:
+        """Return the caps of the next step of the skill: ``UNCAPPED`` itself if there are none."""
+        caps = self._limits.caps
+        if max_speed is not None or max_turn is not None:
+            caps = caps.within(Caps(_cap("max_speed", max_speed), _cap("max_turn", max_turn)))
+        return caps if self._ramp is None else self._ramp.caps(caps)
 
     def _acting(self, state: FloatArray, busy: bool) -> tuple[int | None, FloatArray | None]:
         """Return the part that acts at a state, None for a start; and, where it goes on, its last offset."""

@@ -25,6 +25,7 @@ from skillctl.stability.requirements import DEMOS, Requirements
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
 from skillctl.store.source import Source, open_skill
+from skillctl.usecases.c99 import exported_from
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
@@ -39,7 +40,7 @@ class SkillVerdict:
     """What is known of one skill: a certificate, or why it could not be read.
 
     Attributes:
-        skill: Its name, with its version if it is from the store.
+        skill: Its name, with its version if it is from the store; of a header in C, the file before it.
         path: Its file; None if it could not be read.
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
@@ -90,7 +91,7 @@ def verify_stability(
     """Return what is proved of each skill; one that cannot be read does not keep others from being checked.
 
     Args:
-        references: Files, or names of the store.
+        references: Files, or names of the store; of a header in C, the skill that it was exported from.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
@@ -101,6 +102,7 @@ def verify_stability(
 
     Raises:
         NotFoundError: There is no such cluster.
+        StoreError: The cluster was lost.
         UsageError: A box of another dimension than a skill, ``demos`` for a skill without demonstrations, or
             a skill that a scene means nothing to.
         InputDataError: The scenario file cannot be used.
@@ -115,6 +117,10 @@ def verify_stability(
             outcome = "unreadable" if isinstance(verdict, WorkerDied) else verdict.outcome
             progress(f"{named[position]} {outcome}", finished, len(named))
 
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, finished, len(named))
+
     workers = workers or Workers()
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
@@ -125,7 +131,7 @@ def verify_stability(
 
         asked = AskedTask.read(task, place, lock)
     work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
-    verdicts = workers.run(work, named, done=done)
+    verdicts = workers.run(work, named, done=done, waiting=waiting)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict
@@ -168,7 +174,8 @@ def _verdict(
     asked: AskedTask | None,
 ) -> SkillVerdict:
     try:
-        source = open_skill(reference, store, lock)
+        skill = exported_from(reference, store)
+        source = open_skill(skill, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)
     except SkillctlError as error:
         return SkillVerdict(reference, error=error)
@@ -188,9 +195,8 @@ def _verdict(
     state = None if signed is None else signed.state
     path = source.located.path
     clear = None if scenario is None else _clearance(source, scenario, required)
-    return SkillVerdict(
-        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task
-    )
+    name = source.name if skill == reference else f"{reference}, of {source.name}"
+    return SkillVerdict(name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task)
 
 
 def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:

@@ -38,3 +38,11 @@ def test_whoever_is_killed_or_interrupted_leaves_a_whole_store(tmp_path):
     assert "BROKE" not in "".join(said)
     for line in said[1:3]:  # each operation was stopped at several places
         assert all(int(n) >= 3 for n in re.findall(r"(?:publish|tag|untag|remove)\w* (\d+)", line))
+
+
+def test_what_random_commands_say_is_true_whatever_happens_to_them(tmp_path):
+    said = command("soak", "--seconds", 10, "--users", 4, "--pause", 5, folder=tmp_path)
+    counts = {what: int(n) for what, n in re.findall(r"^(.+): (\d+)$", said, re.MULTILINE)}
+    assert counts["looks at the store"] >= 1
+    assert counts["exit code 0"] > 0
+    assert counts["versions read"] > 0
