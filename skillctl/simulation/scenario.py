@@ -263,7 +263,7 @@ class Scenario(Part):
     tip: Annotated[str, Field(strict=True)] | None = None
     home: Vector | None = None
     hold: dict[str, Number] = Field(default_factory=dict)
-    package: tuple[Annotated[str, Field(strict=True)], ...] = Field((), exclude=True)
+    package: tuple[Annotated[str, Field(strict=True)], ...] = Field(default=(), exclude=True)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
     bind: dict[str, Name | Vector] = Field(default_factory=dict)
