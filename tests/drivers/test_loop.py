@@ -90,21 +90,23 @@ def test_what_takes_too_long_is_ended_at_rest(lead, positions):
     assert (run.driver.commands[-1] == 0).all()
 
 
+@pytest.mark.parametrize(("axis", "side"), [("z", 1), ("x", -1)])  # the way leads down, and to larger x
 @pytest.mark.parametrize(("acceleration", "jerk"), [(0.2, None), (5.0, None), (1.0, 10.0)])
-def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, acceleration, jerk):
+def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, axis, side, acceleration, jerk):
     monkeypatch.setattr(fake, "LAG", 1e-9)  # the way that a robot lags behind is its own
     arm = FakeArm(Setup("", positions, start=np.array(START)))
-    limits = RunOptions(
-        box=((-9.0, 9.0), (-9.0, 9.0), (0.45, 9.0)), max_acceleration=acceleration, max_jerk=jerk
-    )
-    # Not connected, which would refuse the target: it is below the box.
+    ranges = dict.fromkeys("xyz", (-9.0, 9.0)) | {axis: (0.45, 9.0) if side > 0 else (-9.0, 0.45)}
+    limits = RunOptions(box=tuple(ranges.values()), max_acceleration=acceleration, max_jerk=jerk)
+    # Not connected, which would refuse the target: it is outside the box.
     loop = Loop(arm, positions, limits)
     assert loop.drive([]).outcome == "left the box"
     arm.wait(arm.now() + 1.0)
-    assert min(loop.rows.state[:, 2]) >= 0.45
+    index = "xyz".index(axis)
+    within = side * (loop.rows.state[:, index] - 0.45)
+    assert within.min() >= 0
     # And not much before: by the margin, and by as much as the place of rest moves by one command.
     fastest = 0.25 + acceleration * PERIOD + (acceleration**2 / jerk if jerk else 0.0)
-    assert 0.45 <= arm.state().numbers[2] < 0.45 + 4 * PERIOD * fastest
+    assert 0 <= side * (arm.state().numbers[index] - 0.45) < 4 * PERIOD * fastest
 
 
 @pytest.mark.parametrize("jerk", [np.inf, 10.0])
