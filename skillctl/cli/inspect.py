@@ -209,7 +209,7 @@ def _chain(chain: Timeline, unit: str) -> tuple[tuple[str, str], ...]:
     return (
         ("kind", f"chain of {len(chain.stages)} stages"),
         ("takes", f"{words.seconds(chain.duration)} {seen}"),
-        (f"a jump over {far}", jumps[chain.on_jump]),
+        ("after a jump", f"of more than {far}: {jumps[chain.on_jump]}"),
     )
 
 

@@ -152,14 +152,19 @@ def blocks(report: VerifyReport) -> list[render.Block]:
         for block in _bounds(verdict.skill, verdict.reach, report.required)
     ]
     scenes = [block for verdict in report.skills for block in _among(verdict)]
-    courses = [
-        render.Lines(f"{verdict.skill} is a chain", verdict.certificate.proof)
-        for verdict in report.skills
-        if verdict.certificate is not None and verdict.certificate.course is not None
-    ]
+    courses = [block for verdict in report.skills for block in _course(verdict)]
     tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
     table = render.Table(tuple(headings), tuple(map(tuple, rows)))
     return [table, *courses, *bounds, *scenes, *tasks, *_explanations(report)]
+
+
+def _course(verdict: SkillVerdict) -> list[render.Block]:
+    """Return what is proved of a chain beside its parts, which have rows in the table."""
+    certificate = verdict.certificate
+    if certificate is None or certificate.course is None:
+        return []
+    told = tuple(sentence for sentence in certificate.proof if not sentence.startswith("Part "))
+    return [render.Lines(f"{verdict.skill} is a chain", told)]
 
 
 def _among(verdict: SkillVerdict) -> list[render.Block]:

@@ -180,7 +180,7 @@ def _verdict(
     except SkillctlError as error:
         return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
-    certificate = certify(source.skill, digest=digest)
+    certificate = certify(source.skill, digest=digest, period=required.period)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
     task = None if asked is None else asked.judged(source.skill, certificate)

@@ -141,8 +141,8 @@ def test_the_command_shows_the_stages_to_people_and_programs(run, chain_file):
     text = run("inspect", path)
     assert (text.exit_code, text.stderr) == (0, "")
     for words in (
-        "kind                  chain of 2 stages",
-        "a jump over 20.00 mm  that stage goes on, of those begun, which",
+        "kind                chain of 2 stages\n",
+        "after a jump        of more than 20.00 mm: that stage goes on, of those begun, which",
         "stage  skill    begins ",
         "curve@1  0.00 s",
         "close, wait 0.5\n",
