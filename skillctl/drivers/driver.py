@@ -68,7 +68,7 @@ class Driver(ABC):
 
     faults: tuple[type[Exception], ...] = ()
     untried: ClassVar[str] = ""
-    grips: ClassVar[bool] = False
+    grips: bool = False
 
     def __init__(self, setup: Setup) -> None:
         """Connect to the robot, which must not move yet.
