@@ -10,7 +10,6 @@ from skillctl.drivers.driver import Driver, Measured, Setup, library, twist
 from skillctl.errors import NotFoundError, UsageError
 
 REALTIME = Path("/sys/kernel/realtime")  # of a real-time kernel, which libfranka looks for there, too
-HELD = 100  # [ms] for which a command holds: the arm stops by itself if no other comes
 OPEN_SPEED, GRASP_SPEED, GRASP_FORCE = 0.1, 0.05, 20.0  # [m/s], [m/s], [N], of the fingers
 WIDEST = 0.1  # [m], more than the fingers open: an object of any width counts as grasped
 
@@ -47,10 +46,10 @@ class FrankaArm(Driver):
         return Measured(state.time.to_msec(), numbers)
 
     def command(self, velocity: Sequence[float]) -> None:
-        """Replace the motion by one with this twist."""
+        """Replace the motion by one with this twist, which ends by itself."""
         franky, six = self._franky, twist(velocity)
         motion = franky.CartesianVelocityMotion(
-            franky.Twist(six[:3], six[3:]), duration=franky.Duration(HELD)
+            franky.Twist(six[:3], six[3:]), duration=franky.Duration(round(1e3 * self.patience))
         )
         self._robot.move(motion, asynchronous=True)
 

@@ -68,11 +68,16 @@ def test_the_hand_arrives_along_the_skill_and_rests_within_the_limits(lead, posi
 def test_poses_keep_both_speeds_and_arrive_in_both(lead, make_grasp):
     skill = make_grasp()
     start = skill.space.placed(np.array([-0.2, 0.2, 0.1, 0.1, -0.1, 0.15]), skill.attractor)
-    run = lead(skill, start, max_speed=0.1, max_turn=0.3)
+    accelerations = {"max_acceleration": 0.5, "max_turn_acceleration": 0.8}
+    run = lead(skill, start, max_speed=0.1, max_turn=0.3, **accelerations)
     assert run.ending.outcome == "arrived"
     moving, turning = skill.space.magnitudes(run.rows.command)
     assert moving.max() <= 0.1 * (1 + ROUNDING)
     assert turning.max() <= 0.3 * (1 + ROUNDING)
+    changes = np.diff(run.rows.command, axis=0, prepend=0)
+    moving, turning = skill.space.magnitudes(changes)
+    assert moving.max() <= 0.5 * PERIOD * (1 + ROUNDING)
+    assert turning.max() <= 0.8 * PERIOD * (1 + ROUNDING)
     moved, turned = skill.space.apart(run.loop.state, skill.attractor)
     assert (moved < 0.002, turned < 0.035) == (True, True)
 

@@ -132,6 +132,13 @@ def test_franky_is_given_twists_that_end_by_themselves(library, monkeypatch, tmp
     ]
 
 
+def test_slow_commands_hold_for_longer(library, positions):
+    FrankaArm(setup(positions, period=0.06)).command(TWIST)
+    assert library.CALLS[-1] == ("move", "velocity", (TWIST[:3], TWIST[3:]), 180)
+    UniversalRobot(setup(positions, period=0.06))
+    assert library.CALLS[-1] == ("setWatchdog", pytest.approx(1 / 0.18))
+
+
 def test_franky_is_urgent_where_the_kernel_can_be(library, monkeypatch, tmp_path, positions):
     monkeypatch.setattr(franky, "REALTIME", tmp_path)
     FrankaArm(setup(positions))
