@@ -30,7 +30,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NoReturn
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+sys.path.insert(0, str(Path(__file__).parents[2]))  # this checkout's package, wherever another is installed
+sys.path.insert(0, str(Path(__file__).parent))
 
 import full_disk
 import specimens
