@@ -21,6 +21,7 @@ SIBLINGS = {
     "learning",
     "compose",
     "stability",
+    "codegen",
     "metrics",
     "demonstrations",
     "store",

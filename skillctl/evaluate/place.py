@@ -9,6 +9,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import StateError, UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
@@ -49,9 +50,11 @@ class Place:
 
     Attributes:
         position: The place, a state.
-        part: Which part acts there, counted from 1; None where all act together.
+        part: Which part acts there, counted from 1; None where all act together, and of a chain.
+        stages: Of a chain, counted from 1, the stage that acts on a motion which starts there, and the one
+            that goes on if a motion in its last stage jumps there; None of others.
         weights: Each part's share: of the motion (merged), or β r of it over the sum of all (combined, where
-            the largest acts alone). One for a learned skill.
+            the largest acts alone). One for a learned skill, and for the first stage of a chain.
         velocity: ξ̇ there, per second; of a pose the twist in the base frame, [m/s] and [rad/s].
         arrives: Whether the motion from there was seen to arrive.
         end: Where it was when it arrived, or when it was given up.
@@ -71,6 +74,7 @@ class Place:
     time: float
     given: tuple[float, ...]
     given_end: tuple[float, ...]
+    stages: tuple[int, int] | None = None
 
 
 def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ...]:
@@ -104,9 +108,8 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     Raises:
         UsageError: Another number of coordinates than the skill has, or numbers that are not finite.
     """
-    x = _state(skill, position)
-    proved = [part.period for part in certificate.parts if part.period is not None]
-    period = min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])
+    x, period = _state(skill, position), period_of(certificate)
+    acting = skill.onward_at(x, skill.selected(x))
     motion = rollout(skill, x[None], duration=STEPS * period, period=period)
     times, path = motion.trajectory(0)
     arrives = bool(motion.arrived[0])
@@ -114,16 +117,29 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     nearest = int(skill.space.distance(goals, path[-1]).argmin())
     return Place(
         position=tuple(x.tolist()),
-        part=int(skill.part_at(x[None])[0]) + 1 if skill.kind == "combined" else None,
+        part=acting + 1 if skill.kind == "combined" else None,
         weights=tuple(skill.part_weights_at(x[None])[0].tolist()),
-        velocity=tuple(skill.velocity(x).tolist()),
+        velocity=tuple(skill.velocity(x, acting).tolist()),
         arrives=arrives,
         end=tuple(path[-1].tolist()),
         attractor=nearest + 1 if arrives else None,
         time=float(times[-1]),
         given=skill.space.given(x),
         given_end=skill.space.given(path[-1]),
+        stages=_stages(skill, x, acting) if isinstance(skill, ChainedSkill) else None,
     )
+
+
+def _stages(chain: ChainedSkill, state: FloatArray, acting: int) -> tuple[int, int]:
+    """Return the stage of the part that acts, and that which goes on after a jump from the last one."""
+    last = len(chain.acting_parts) - 1
+    return chain.stage_of(acting) + 1, chain.stage_of(chain.resumed_at(state, last)) + 1
+
+
+def period_of(certificate: Certificate) -> float:
+    """Return a controller period to follow motions of a skill with, half of a proved one at most, [s]."""
+    proved = [part.period for part in certificate.parts if part.period is not None]
+    return min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])
 
 
 def _state(skill: Skill, position: Sequence[float]) -> FloatArray:

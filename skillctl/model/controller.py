@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -89,6 +90,10 @@ class Controller:
         self._course = Course(period)
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
+
+    def __copy__(self) -> Controller:
+        """Return a controller that goes on from here by itself: no memory is shared."""
+        return deepcopy(self)
 
     @property
     def part(self) -> int | None:
@@ -192,6 +197,11 @@ class Controller:
             states = moved(self.skill.space, self._last.states, command, self.period)
             self._last = replace(self._last, states=states, command=command)
         return command
+
+    @property
+    def rest(self) -> FloatArray | None:
+        """The state (d,) where ``brake`` leads after the last command; None before the first step."""
+        return self.next if self._last is None or self._ramp is None else self._ramp.rest(self._last.states)
 
     @property
     def resting(self) -> bool:

@@ -159,6 +159,11 @@ class Ramp:
             return state
         return self._space.displace_at(state, self._left @ self._commands)
 
+    def rest(self, state: FloatArray) -> FloatArray:
+        """Return the state (d,) where ``brake``, from a state (d,) on, leads."""
+        command = self._commands[0]
+        return self._moved(self.ahead(state), command, self._steps(command) - 1)
+
     def brake(self) -> FloatArray:
         """Return the next command (d,) on the way to rest: zero at the end, and from then on."""
         return self._commanded(self._braked())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD
@@ -57,11 +58,38 @@ class Motion:
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._max_turn, self._max_turn_acceleration = scenario.max_turn, scenario.max_turn_acceleration
-        self._avoid = avoid
+        self._avoid, self._at_cup = avoid, scenario.stages_at("cup")
         self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._moved = np.zeros(self._ends.shape[1])
         self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
         self._speed, self._turning = 0.0, 0.0
+
+    def follow_cup(self, offset: FloatArray) -> None:
+        """Move the skill with the cup by ``offset`` (3,) [m]; of a chain, the stages that are bound to it."""
+        skill, placement = self._skill, self._placement
+        if not isinstance(skill, ChainedSkill):
+            self.move(offset)
+            return
+        inner = placement.to_state(offset) - placement.to_state(np.zeros(3))
+        for stage in self._at_cup:
+            self._ends[list(skill.stages[stage]), :3] += offset
+            skill = skill.with_stage(stage, skill.parts[stage].translated(inner))
+        self._skill = skill
+        self._controller.follow(self._among_bodies())
+
+    def take_again(self) -> None:
+        """Begin the first stage of a chain that is bound to the cup anew."""
+        self._controller.go(self._at_cup[0])
+
+    @property
+    def event(self) -> str | None:
+        """What a chain asks for now, between two stages."""
+        return self._controller.event
+
+    @property
+    def done(self) -> bool:
+        """Whether the last stage of a chain, and its events, are over; of any other skill always."""
+        return not isinstance(self._skill, ChainedSkill) or self._controller.done
 
     def move(self, offset: FloatArray) -> None:
         """Move the skill in the workspace, all its targets with it, by ``offset`` (3,) [m].
@@ -96,8 +124,13 @@ class Motion:
         """Return the distance of a place to the nearest end of any part, [m]."""
         return min(self.gap(end, place)[0] for end in self._ends)
 
-    def velocity(self, place: FloatArray) -> FloatArray:
-        """Return the hand's velocity at a perceived place, [m/s] and [rad/s]."""
+    def velocity(self, place: FloatArray, *, busy: bool = False) -> FloatArray:
+        """Return the hand's velocity at a perceived place, [m/s] and [rad/s].
+
+        Args:
+            place: Perceived place of the hand.
+            busy: Whether what a chain asked for between two stages is still being done.
+        """
         distance, angle = self.gap(self.target(place), place)
         limit = min(
             self._max_speed,
@@ -115,6 +148,7 @@ class Motion:
         place = place - self._moved
         inner = self._controller.step(
             self._placement.to_state(place),
+            busy=busy,
             max_speed=max(limit / self._placement.scale, SLOWEST),
             max_turn=max_turn,
         )
@@ -178,7 +212,11 @@ def plan_motion(
             break
         places.append(place)
         moved, turned = motion.gap(motion.target(place), place)
-        if moved < PLAN_ARRIVAL * scenario.tolerance and turned < PLAN_ARRIVAL * scenario.turn_tolerance:
+        if (
+            motion.done
+            and moved < PLAN_ARRIVAL * scenario.tolerance
+            and turned < PLAN_ARRIVAL * scenario.turn_tolerance
+        ):
             arrived = True
             break
     return Plan(np.stack(places), motion.target(place), arrived)

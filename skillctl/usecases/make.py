@@ -334,9 +334,9 @@ def _changed_options(there: Operation, wanted: Operation) -> list[str]:
 
 
 def _value(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return ",".join(map(_value, value))
-    return "not set" if value is None else str(value)
+    if value is None or value == []:
+        return "not set"
+    return ",".join(map(_value, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def _sha256(path: Path) -> str:

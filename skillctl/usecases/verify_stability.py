@@ -26,6 +26,7 @@ from skillctl.stability.requirements import DEMOS, Requirements
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
 from skillctl.store.source import Source, open_skill
+from skillctl.usecases.c99 import exported_from
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
@@ -41,7 +42,7 @@ class SkillVerdict:
     """What is known of one skill: a certificate, or why it could not be read.
 
     Attributes:
-        skill: Its name, with its version if it is from the store.
+        skill: Its name, with its version if it is from the store; of a header in C, the file before it.
         path: Its file; None if it could not be read.
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
@@ -102,7 +103,7 @@ def verify_stability(
     """Return what is proved of each skill; one that cannot be read does not keep others from being checked.
 
     Args:
-        references: Files, or names of the store.
+        references: Files, or names of the store; of a header in C, the skill that it was exported from.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
@@ -190,12 +191,13 @@ def _verdict(
     golden: bool,
 ) -> SkillVerdict:
     try:
-        source = open_skill(reference, store, lock)
+        skill = exported_from(reference, store)
+        source = open_skill(skill, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)
     except SkillctlError as error:
         return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
-    certificate = certify(source.skill, digest=digest)
+    certificate = certify(source.skill, digest=digest, period=required.period)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
     task = None if asked is None else asked.judged(source.skill, certificate)
@@ -217,8 +219,9 @@ def _verdict(
     state = None if signed is None else signed.state
     path = source.located.path
     clear = None if scenario is None else _clearance(source, scenario, required)
+    name = source.name if skill == reference else f"{reference}, of {source.name}"
     return SkillVerdict(
-        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task, agreement
+        name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task, agreement
     )
 
 

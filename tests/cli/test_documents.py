@@ -73,6 +73,7 @@ RUNS = [
     ("rm", "rm a@1 --store HERE/shop", 0),
     ("export", "export curve -o HERE/a.json --store LIBRARY", 0),
     ("export", "export curve -o HERE/a.mat --store LIBRARY", 0),
+    ("export", "export curve -o HERE/a.h --check --store LIBRARY", 0),
     ("schema", "schema", 0),
     ("schema", "schema error", 0),
     ("completion", "completion bash", 0),

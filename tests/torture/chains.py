@@ -163,7 +163,9 @@ def check(rng, count):
 
 def main() -> int:
     count, starts, seed = (int(word) for word in [*sys.argv[1:], *["100", "20", "0"][len(sys.argv) - 1 :]])
-    began, bad, stages, wholes = time.perf_counter(), 0, [], []
+    stages: list[float] = []
+    wholes: list[float] = []
+    began, bad = time.perf_counter(), 0
     for number in range(count):
         faults, of_stages, of_whole = check(np.random.default_rng([seed, number]), starts)
         stages, wholes, bad = stages + of_stages, wholes + of_whole, bad + bool(faults)
