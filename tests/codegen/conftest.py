@@ -74,11 +74,6 @@ def skill_of(
         parts = make_pose_skill(rng(3)), make_pose_skill(rng(4), target=target)
         return CombinedSkill(parts, np.array([0.4, 0.6]), gate)
 
-    def poses_merged() -> Any:
-        return MergedSkill(
-            (make_pose_skill(rng(3)), make_pose_skill(rng(4))), np.array([0.4, 0.6]), "density"
-        )
-
     def away(bent: bool) -> Any:
         return learned(1, attractor=(0.9, 0.9, 0.9), bent=bent, spread=0.2)
 
@@ -105,7 +100,9 @@ def skill_of(
         "instantaneous": lambda: combined("instantaneous", bent=False),
         "pose": lambda: make_pose_skill(rng(3)),
         "pose in shears": lambda: make_pose_skill(rng(3), bent=True),
-        "poses merged": poses_merged,
+        "poses merged": lambda: MergedSkill(
+            (make_pose_skill(rng(3)), make_pose_skill(rng(4))), np.array([0.4, 0.6]), "density"
+        ),
         "poses latched": lambda: poses("latched", (0.1, 0.2, 0.3, 1.0, 0.0, 0.2)),
         "poses of one turn": lambda: poses("instantaneous", (0.1, 0.2, 0.3, 0.0, 2.0, -1.0)),
         "kept out": lambda: kept_out(away(bent=False), BODIES, margin=0.02),

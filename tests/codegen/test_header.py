@@ -114,7 +114,9 @@ def test_a_chain_in_c_does_one_thing_after_the_other(compiled, skill_of):
             if (skill_go(&c, 3) != SKILL_BAD_STAGE || skill_stage(&c) != -1) return 1;
             for (steps = 0; steps < 20000 && !c.done; ++steps) {
                 if (skill_step(&c, state, command) != SKILL_OK) return 1;
-                if (c.event != NULL && strcmp(c.event, last) != 0) printf("%d %s, ", skill_stage(&c), c.event);
+                if (c.event != NULL && strcmp(c.event, last) != 0) {
+                    printf("%d %s, ", skill_stage(&c), c.event);
+                }
                 last = c.event == NULL ? "" : c.event;
                 for (i = 0; i < 3; ++i) state[i] = c.next[i];
             }
