@@ -21,8 +21,8 @@ rules check it in all three cases. Its TOML form has the same names:
     offset = [0.0, 0.08, 0.0]
 
 A key that is left out has the default given here. Lengths are in metres, times in seconds, angles in radians.
-Positions are in the workspace frame, whose origin is the arm's base, except ``start`` and ``target``, which
-are in the skill's own coordinates.
+No time is longer than ten minutes, and no other number larger than a million. Positions are in the workspace
+frame, whose origin is the arm's base, but ``start`` and ``target`` are in the skill's own coordinates.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from skillctl.simulation.arms import ARMS
 from skillctl.simulation.options import Board, Control, HandPolicy, Plane
 from skillctl.simulation.values import (
     Count,
+    Duration,
     Flag,
     NotNegative,
     Number,
@@ -46,6 +47,7 @@ from skillctl.simulation.values import (
     PositiveRange,
     Range,
     Seed,
+    Time,
     Vector,
 )
 from skillctl.toml_files import complaint
@@ -182,10 +184,10 @@ class Grasp(Part):
     turn: Positive = 0.1
     force: Positive = 20.0
     speed: Positive = 0.1
-    close_time: Positive = 0.8
+    close_time: Duration = 0.8
     lift: Positive = 0.10
-    lift_time: Positive = 1.2
-    hold_time: Positive = 1.0
+    lift_time: Duration = 1.2
+    hold_time: Duration = 1.0
     rise: Positive = 0.05
 
     @model_validator(mode="after")
@@ -199,8 +201,8 @@ class Push(Part):
     """A force on the hand, [N]. Position motors hold against some 100 N; torque control yields."""
 
     kind: Literal["push"] = "push"
-    time: NotNegative
-    duration: Positive
+    time: Time
+    duration: Duration
     force: Point
 
 
@@ -208,7 +210,7 @@ class MoveTarget(Part):
     """A jump of the target, and of the cup if there is one, by ``offset`` [m]."""
 
     kind: Literal["move-target"] = "move-target"
-    time: NotNegative
+    time: Time
     offset: Point
 
 
@@ -216,7 +218,7 @@ class Displace(Part):
     """A jump of the hand by ``offset`` [m]; a hand that is taught turns by the vector ``turn`` [rad], too."""
 
     kind: Literal["displace"] = "displace"
-    time: NotNegative
+    time: Time
     offset: Point
     turn: Point = (0.0, 0.0, 0.0)
 
@@ -326,8 +328,8 @@ class Scenario(Part):
     max_turn_acceleration: Positive = 7.5
     tolerance: Positive = 2e-3
     turn_tolerance: Positive = 0.0349  # two degrees
-    settle_time: Positive = 0.5
-    max_duration: Positive | None = None
+    settle_time: Duration = 0.5
+    max_duration: Duration | None = None
     noise: NotNegative = 0.0
     target_error: NotNegative = 0.0
     seed: Seed = 0
