@@ -81,7 +81,7 @@ def _end_in_time() -> None:
 
 
 def _end_late(signals: int) -> None:
-    codes = {signal.SIGTERM: ExitCode.TERMINATED, signal.SIGINT: ExitCode.INTERRUPTED}
+    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
     while (code := codes.get(os.read(signals, 1)[0])) is None:
         pass
     time.sleep(GRACE)
