@@ -18,6 +18,7 @@ from skillctl.errors import Terminated
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
     signal.signal(signal.SIGTERM, _terminate)
+    sys.unraisablehook = _soon_again
     _fill_descriptors()
     try:
         _run()
@@ -66,6 +67,16 @@ def _fill_descriptors() -> None:
 
 def _terminate(*_: object) -> None:
     raise Terminated
+
+
+def _soon_again(lost: sys.UnraisableHookArgs) -> None:
+    """Raise an interrupt once more that came while an object was removed, where Python goes on after it."""
+    if lost.exc_type is None or not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+    signal.signal(signal.SIGALRM, signal.getsignal(number))
+    signal.setitimer(signal.ITIMER_REAL, 0.001)  # when this function has ended
 
 
 def _print_version() -> None:

@@ -128,6 +128,7 @@ def test_model_needs_numpy_only() -> None:
     standard = {
         "__future__",
         "collections",
+        "copy",
         "dataclasses",
         "typing",
         "skillctl",

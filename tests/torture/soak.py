@@ -30,6 +30,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NoReturn
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # this checkout's package, wherever another is installed
 sys.path.insert(0, str(Path(__file__).parent))
 
 import full_disk
