@@ -1,4 +1,7 @@
-"""The program ``skillctl``: what must happen before anything heavy is imported."""
+"""The program ``skillctl``: what must happen before anything heavy is imported.
+
+An interrupt while the imports up here run is Python's to tell about, so they are few.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,6 @@ import threading
 import time
 import warnings
 
-from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import Terminated
 
 GRACE = 5.0  # [s], for whoever unwinds in order
@@ -20,15 +22,14 @@ GRACE = 5.0  # [s], for whoever unwinds in order
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
     signal.signal(signal.SIGTERM, _terminate)
+    sys.unraisablehook = _soon_again
     _fill_descriptors()
     try:
         _run()
     except KeyboardInterrupt as stop:  # while modules were loaded; the command line tells of all others
-        from skillctl.cli.errors import describe
+        from skillctl.cli.output import Output
 
-        failure = describe(stop)
-        print(f"error: {failure.message}", file=sys.stderr)
-        sys.exit(failure.code)
+        sys.exit(Output.for_arguments(sys.argv[1:]).fail(stop))
 
 
 def _run() -> None:
@@ -81,20 +82,32 @@ def _end_in_time() -> None:
 
 
 def _end_late(signals: int) -> None:
-    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
-    while (code := codes.get(os.read(signals, 1)[0])) is None:
+    from skillctl.cli.output import Output
+
+    stops = {int(signal.SIGTERM): Terminated, int(signal.SIGINT): KeyboardInterrupt}
+    while (stop := stops.get(os.read(signals, 1)[0])) is None:
         pass
     time.sleep(GRACE)
-    os.write(2, f"error: {code.meaning}.\n".encode())
-    os._exit(code)
+    os._exit(Output.for_arguments(sys.argv[1:]).fail(stop()))
 
 
 def _terminate(*_: object) -> None:
     raise Terminated
 
 
+def _soon_again(lost: sys.UnraisableHookArgs) -> None:
+    """Raise an interrupt once more that came while an object was removed, where Python goes on after it."""
+    if lost.exc_type is None or not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+    signal.signal(signal.SIGALRM, signal.getsignal(number))
+    signal.setitimer(signal.ITIMER_REAL, 0.001)  # when this function has ended
+
+
 def _print_version() -> None:
     from skillctl import __version__
+    from skillctl.cli.exit_codes import ExitCode
 
     try:
         print(f"skillctl {__version__}", flush=True)

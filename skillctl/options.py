@@ -11,10 +11,11 @@ made. Only the standard library is imported here, because ``--help`` must not wa
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from skillctl.errors import UsageError
 
@@ -22,6 +23,13 @@ from skillctl.errors import UsageError
 MOTION = "The motion"
 RESULT = "The result"
 
+LENGTHS = {
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "deg": ("rad", math.pi / 180),
+    "rad": ("rad", 1.0),
+    "m": ("m", 1.0),
+}
 FARTHEST = 100.0  # [m]; coordinates from here on are not in metres
 
 
@@ -144,6 +152,28 @@ def read_point(text: str) -> tuple[float, ...]:
         metres = ",".join(f"{number / 1000:g}" for number in point)
         raise ValueError(f"{text} are metres; did you mean millimetres, which are {metres}?")
     return point
+
+
+class Length(NamedTuple):
+    """A length or an angle.
+
+    Attributes:
+        value: In ``unit``.
+        unit: ``m`` or ``rad``; empty if none was given.
+    """
+
+    value: float
+    unit: str
+
+
+def read_length(text: str) -> Length:
+    """Read ``5mm``, ``0.5 cm``, ``2deg`` or a number without a unit, or raise ValueError."""
+    number, name = re.split(rf"\s*({'|'.join(LENGTHS)})?$", text.strip(), maxsplit=1)[:2]
+    unit, factor = LENGTHS.get(name, ("", 1.0))
+    try:
+        return Length(float(number) * factor, unit)
+    except ValueError:
+        raise ValueError(f"{text!r} is no length, as in 5mm, 1cm, 0.005 or 2deg.") from None
 
 
 def read_words(text: str, known: Sequence[str] = ()) -> tuple[str, ...]:

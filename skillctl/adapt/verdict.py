@@ -16,8 +16,9 @@ from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.simulation.tally import wilson_interval
-from skillctl.stability.reach import MOST_COORDINATES, Reach, bound_reach
+from skillctl.stability.reach import Reach, bound_reach
 from skillctl.stability.report import Certificate
+from skillctl.stability.sublevels import MOST_COORDINATES
 
 FRESH = 200  # starts that a result is judged from, none of which the search has seen
 

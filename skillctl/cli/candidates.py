@@ -16,6 +16,7 @@ from typing import Any, Literal, TypeAlias
 from skillctl.cli.app import COMMANDS, group, load_command
 from skillctl.cli.parameters import was_typed
 from skillctl.cli.schema import OUTPUTS
+from skillctl.drivers.registry import known
 from skillctl.errors import SkillctlError, printable
 from skillctl.store import Registry, locate_store
 
@@ -181,6 +182,7 @@ VALUES: dict[str, Callable[[str, Any], Answer]] = {
     **dict.fromkeys(("SKILL", "A", "B"), _skills),
     "NAME": _names,
     "ALIAS": _aliases,
+    "DRIVER": lambda word, context: Answer(tuple((name, "") for name in sorted(known()))),
     "OUTPUT": lambda word, context: Answer(tuple((name, "") for name in OUTPUTS)),
     **dict.fromkeys(("DATA", "DEMO"), lambda word, context: FILES),
     **dict.fromkeys(("LINK", "ADDRESS"), lambda word, context: NOTHING),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillctl.cli import options, render, words
+from skillctl.cli.chain import make_chain
 from skillctl.cli.making import files_of, make
 from skillctl.cli.output import Output
-from skillctl.compose.options import CombineOptions
+from skillctl.compose.options import CombineOptions, HandOver
 
 if TYPE_CHECKING:
     from skillctl.usecases.combine import CombineReport
@@ -21,6 +22,7 @@ Example:
   skillctl combine left.h5 right.h5 --priors 2,1 -o both.h5
   skillctl combine left.h5 right.h5 --calibrate -o both.h5"""
 
+SEQUENCE = "With --gate sequence"
 LOST = 0.25  # a part that loses a larger share of its left-out demonstrations is worth a warning
 
 
@@ -30,6 +32,7 @@ def combine(
     *,
     making: options.Making,
     combining: CombineOptions,
+    hand_over: Annotated[HandOver, SEQUENCE],
     no_refit: options.NoRefit = False,
     place: options.LockedPlace,
 ) -> None:
@@ -37,6 +40,9 @@ def combine(
 
     Without --align every skill keeps its own target, so that where a motion starts decides where it ends.
     """
+    if (chaining := combining.chained(hand_over)) is not None:
+        make_chain(context.obj, skills, making, chaining, place)
+        return
     from skillctl.usecases.combine import combine as combine_skills
 
     call = partial(

@@ -51,7 +51,7 @@ def describe(error: BaseException) -> Failure:
         return Failure(code, printable(str(error)), printable(error.hint))
     if isinstance(error, KeyboardInterrupt):
         stopped = "terminated" if isinstance(error, errors.Terminated) else "interrupted"
-        done = printable(str(error)) or _published()
+        done = printable(str(error)) or published()
         return Failure(code, f"{stopped}: {done}." if done else f"{stopped}.")
     if _for_want_of_memory(error):
         return Failure(ExitCode.STORE, "there is not enough memory.", LESS)
@@ -83,8 +83,8 @@ def publications() -> list[str]:
     return published
 
 
-def _published() -> str:
-    """Return what this command has published before it was interrupted, in words; nothing if nothing."""
+def published() -> str:
+    """Return what this command has published before it failed, in words; nothing if nothing."""
     versions = publications()
     verb = "was" if len(versions) == 1 else "were"
     return f"{', '.join(versions)} {verb} published" if versions else ""

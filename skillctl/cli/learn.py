@@ -35,8 +35,8 @@ Example:
   skillctl learn --batch manifest.toml --jobs 4"""
 
 # What is said once for all skills; all other options of `learn` stand in the manifest.
-FOR_ALL = {"batch", "store", "force", "explain", "jobs", "backend", "scheduler"}
-WORK = {"jobs", "backend", "scheduler"}
+FOR_ALL = {"batch", "store", "force", "explain", "jobs", "backend", "scheduler", "patience"}
+WORK = {"jobs", "backend", "scheduler", "patience"}
 
 
 def learn(

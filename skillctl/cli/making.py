@@ -58,8 +58,17 @@ def make(
 
 
 def files_of(parts: Iterable[Any], place: LockedPlace) -> list[Path]:
-    """Return the files of the skills that a skill was made of, and the lock file if they are locked."""
-    from skillctl.store import locate
+    """Return the files of the skills that a skill was made of, and the lock file if they are locked.
 
-    files = [locate(part.skill, place.store).path for part in parts]
+    They were there when they were read; another process may have removed them since.
+    """
+    from skillctl.store import Registry, locate_store, parse_reference
+
+    def file_of(skill: str) -> Path:
+        reference = parse_reference(skill)
+        if isinstance(reference, Path):
+            return reference
+        return Registry(locate_store(place.store)).path_of(reference.name, int(reference.selector))
+
+    files = [file_of(part.skill) for part in parts]
     return files if place.lock is None else [*files, place.lock.path]

@@ -98,6 +98,12 @@ class Work:
         group=WORK,
         help="Address of a cluster, as `dask scheduler` prints it. Its workers must see this directory.",
     )
+    patience: float | None = option(
+        metavar="S",
+        group=WORK,
+        help="Stop when the scheduler, or all workers of the cluster, have given no sign of life for this "
+        "long. Default: 60.",
+    )
 
     def workers(self) -> Workers:
         """Return the processes that do the work.
@@ -107,4 +113,4 @@ class Work:
         """
         from skillctl.workers import Workers
 
-        return Workers.chosen(self.jobs, self.backend, self.scheduler)
+        return Workers.chosen(self.jobs, self.backend, self.scheduler, self.patience)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
 from skillctl.cli import render
-from skillctl.cli.errors import Failure, describe
+from skillctl.cli.errors import Failure, describe, published
 from skillctl.cli.exit_codes import ExitCode
 from skillctl.errors import StoreError, printable
 
@@ -112,8 +112,10 @@ class Output:
         return say_new_stage
 
     def fail(self, error: BaseException) -> int:
-        """Tell about an error and return the exit code."""
+        """Tell about an error, and what was published before it, and return the exit code."""
         failure = describe(error)
+        if (done := published()) and done not in failure.message:
+            failure = replace(failure, message=f"{failure.message} All the same, {done}.")
         if failure.code == ExitCode.USAGE and not failure.hint:
             failure = replace(failure, hint=f"'{self.command} --help' shows how it is used.")
         if self.debug:

@@ -24,7 +24,8 @@ Example:
 OUTPUTS: dict[str, tuple[str, ...]] = {
     "learn": ("skillctl.usecases.learn:LearnReport", "skillctl.usecases.learn_many:LearnManyReport"),
     "merge": ("skillctl.usecases.merge:MergeReport",),
-    "combine": ("skillctl.usecases.combine:CombineReport",),
+    "combine": ("skillctl.usecases.combine:CombineReport", "skillctl.usecases.chain:ChainReport"),
+    "chain": ("skillctl.usecases.chain:ChainReport",),
     "adapt": ("skillctl.usecases.adapt:AdaptReport",),
     "inspect": ("skillctl.usecases.inspect:InspectReport", "skillctl.usecases.history:LineageReport"),
     "verify-stability": ("skillctl.usecases.verify_stability:VerifyReport",),
@@ -33,6 +34,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
         "skillctl.usecases.simulate_many:SimulateManyReport",
         "skillctl.usecases.check_reach:CheckReachReport",
     ),
+    "run": ("skillctl.usecases.run:RunReport",),
     "quickstart": ("skillctl.usecases.quickstart:QuickstartReport",),
     "ls": ("skillctl.usecases.ls:StoreReport",),
     "diff": ("skillctl.usecases.diff:DiffReport",),

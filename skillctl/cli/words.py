@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skillctl.adapt.together import Refit
     from skillctl.cli.output import Output
     from skillctl.evaluate.errors import HeldOut
-    from skillctl.stability.report import Certificate
+    from skillctl.stability.report import Certificate, Course
     from skillctl.store import DemonstrationReport
     from skillctl.usecases.destination import Written
     from skillctl.usecases.make import PartSummary
@@ -66,6 +66,11 @@ def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return NONE
     return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def seconds(value: float | None) -> str:
+    """Return a duration that was seen, for people; a dash if there is none."""
+    return NONE if value is None else f"{value:.2f} s"
 
 
 def percent(share: float | None) -> str:
@@ -125,6 +130,23 @@ def proof(certificate: Certificate) -> tuple[tuple[str, str], ...]:
     if certificate.all_weights:
         facts.append(("weights", "proved for all"))
     return tuple(facts)
+
+
+def seconds_at_most(value: float | None) -> str:
+    """Return a proved bound of a time, rounded up; a dash if there is none."""
+    from skillctl.stability.report import at_most
+
+    return NONE if value is None else f"{at_most(value)} s"
+
+
+def course(bounds: Course) -> tuple[tuple[str, str], ...]:
+    """Return by when a chain is done, as facts: proved, and from where."""
+    from skillctl.stability.report import at_least, at_most
+
+    ranges = zip(bounds.low, bounds.high, strict=True)
+    box = ", ".join(f"{at_most(low)} … {at_least(high)}" for low, high in ranges)
+    steps = "" if bounds.steps is None else f", or {bounds.steps} steps of {number(bounds.period, 's')}"
+    return ("done at the latest", f"after {seconds_at_most(bounds.arrival)}{steps}"), ("from", box)
 
 
 def gate(name: str, parameters: Mapping[str, float]) -> str:

@@ -11,20 +11,23 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import congruent
 from skillctl.model.pose import Pose
 from skillctl.model.retarget import goal_of, retargeted
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import ActingSkill, AnySkill, Skill
+from skillctl.model.space import Space
 
 
 def require_compatible(parts: Sequence[Skill], operation: str) -> None:
-    """Raise UsageError unless there are two or more parts, all in the same state space.
+    """Raise UsageError unless there are two or more parts, no chains, all in the same state space.
 
     Args:
         parts: The skills to put together.
-        operation: Word for the message: ``merge`` or ``combine``.
+        operation: Word for the message: ``merge``, ``combine``, ``chain`` or ``adapt``.
     """
+    require_no_chains(parts, operation)
     if len(parts) < 2:
         raise UsageError(
             f"{operation}: needs at least two skills, got {len(parts)}.", hint="Name another skill."
@@ -52,6 +55,16 @@ def require_compatible(parts: Sequence[Skill], operation: str) -> None:
                 )
 
 
+def require_no_chains(parts: Sequence[Skill], operation: str) -> None:
+    """Raise UsageError if a chain is among the parts: its stages act one after the other, not together."""
+    for number, part in enumerate(parts, start=1):
+        if part.kind == "chain":
+            raise UsageError(
+                f"{operation}: skill {number} is a chain; its stages have targets of their own.",
+                hint="Name its stages instead, and chain what comes of them.",
+            )
+
+
 def normalised(name: str, weights: npt.ArrayLike | None, count: int) -> FloatArray:
     """Return positive weights divided by their sum, shape (count,); equal ones for None.
 
@@ -76,13 +89,23 @@ def in_one_space(parts: Sequence[AnySkill]) -> tuple[AnySkill, ...]:
     """Return the parts with one characteristic length ℓ, of poses: the geometric mean of theirs.
 
     The motions stay exactly as they are: ℓ is the unit in which a skill counts angles, so that only means and
-    covariances of the last three charted coordinates change.
+    covariances of the last three charted coordinates change, those of regions included.
     """
     lengths = [part.space.length for part in parts if isinstance(part.space, Pose)]
     if len(set(lengths)) < 2:
         return tuple(parts)
     length = float(np.exp(np.mean(np.log(lengths))))
-    return tuple(part.with_leaves(lambda leaf: _in_length(leaf, length)) for part in parts)
+    return tuple(_in_length(part, length) for part in parts)
+
+
+def _in_length(skill: AnySkill, length: float) -> AnySkill:
+    stretched = skill.with_leaves(lambda leaf: _leaf_in_length(leaf, length))
+    if not isinstance(skill, CombinedSkill) or not skill.regions:
+        return stretched
+    by = np.diag(_scale(skill.space, length))
+    places = zip(skill.regions, skill.parts, strict=True)
+    regions = tuple(region.mapped(by, part.anchor) for region, part in places)
+    return replace(stretched, regions=regions)  # type: ignore[type-var]
 
 
 def prepared(
@@ -104,11 +127,17 @@ def prepared(
     return on_one_attractor(acting, normalised("weights", weights, len(parts)), target, turn=True)
 
 
-def _in_length(leaf: SedsSkill, length: float) -> SedsSkill:
+def _scale(space: Space, length: float) -> FloatArray:
+    """Return by how much charted coordinates (d,) of poses grow with another characteristic length."""
+    before = space.length if isinstance(space, Pose) else length
+    return np.where(np.arange(space.dimension) < space.positions, 1.0, length / before)
+
+
+def _leaf_in_length(leaf: SedsSkill, length: float) -> SedsSkill:
     space = leaf.space
     if not isinstance(space, Pose) or space.length == length:
         return leaf
-    scale = np.where(np.arange(space.dimension) < space.positions, 1.0, length / space.length)
+    scale = _scale(space, length)
     stretched, anchor = np.diag(scale), leaf.anchor
     return replace(
         leaf,
@@ -155,12 +184,15 @@ def notes_on(parts: Sequence[Skill]) -> tuple[str, ...]:
     return tuple(
         f"skills {i + 1} and {j + 1} are the same motion."
         for (i, one), (j, other) in combinations(enumerate(parts), 2)
-        if _same_motion(one, other)
+        if same_motion(one, other)
     )
 
 
-def _same_motion(one: Skill, other: Skill) -> bool:
-    if len(one.leaves) != len(other.leaves) or one.speed != other.speed:
+def same_motion(one: Skill, other: Skill) -> bool:
+    """Return whether two skills move alike relative to their targets, number for number."""
+    if (len(one.leaves), one.speed, one.gate) != (len(other.leaves), other.speed, other.gate):
+        return False
+    if not np.array_equal(one.shares, other.shares):
         return False
     fields = ("priors", "covariances", "system_matrices")
     return all(

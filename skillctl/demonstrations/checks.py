@@ -64,13 +64,16 @@ class Findings:
 
 
 @np.errstate(all="ignore")  # overflow gives values that are not finite, which Demonstration refuses
-def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[Demonstration, Findings]:
+def prepare(
+    recording: Recording, *, dt: float | None, scale: float, reverse: bool = False
+) -> tuple[Demonstration, Findings]:
     """Return the demonstration in a recording, and the findings about it.
 
     Args:
         recording: As read.
         dt: Sampling period where the recording has no times, [s].
         scale: Factor on positions and velocities, after the conversion to metres.
+        reverse: Whether the demonstration is the recording backwards; it is judged as it was recorded.
 
     Raises:
         InputDataError: Values are not finite, time stamps repeat or go back, there are no times, only
@@ -94,16 +97,22 @@ def prepare(recording: Recording, *, dt: float | None, scale: float) -> tuple[De
     whole = Track(recording.source, unit, recording.where, rows, times, positions)
     track, faults = judge_recording(whole)
     findings = _findings(recording, whole, estimated)
+    quaternions: FloatArray | None = None
     if recording.orientation is not None:
         quaternions, notes = quaternions_of(recording, track.samples)
         wild, turned = judge_turning(track, quaternions)
         track, quaternions, faults = track.without(wild), quaternions[~wild], [*faults, *turned]
+        findings = replace(findings, notes=notes)
+    if reverse:
+        track, quaternions = track.backwards(), None if quaternions is None else quaternions[::-1]
+    if quaternions is not None:
         require_half_turn(quaternions, recording.label, track.place)
-        findings = replace(findings, quaternions=quaternions, notes=notes)
-    demonstration = _demonstration(recording, track, findings.quaternions)
+        findings = replace(findings, quaternions=quaternions)
+    demonstration = _demonstration(recording, track, quaternions)
     if recording.velocities is not None:
         velocities = np.array(demonstration.velocities)
-        velocities[:, : positions.shape[1]] = recording.velocities[track.samples] * scale / per_unit
+        way = -scale if reverse else scale
+        velocities[:, : positions.shape[1]] = recording.velocities[track.samples] * way / per_unit
         demonstration = replace(demonstration, velocities=velocities)
     return demonstration, replace(findings, track=track, faults=tuple(faults))
 

@@ -65,6 +65,15 @@ class Track:
             self, samples=self.samples[kept], times=self.times[kept], positions=self.positions[kept]
         )
 
+    def backwards(self) -> Track:
+        """Return the track from its last sample to its first."""
+        return replace(
+            self,
+            samples=self.samples[::-1],
+            times=self.times[-1] - self.times[::-1],
+            positions=self.positions[::-1],
+        )
+
     @property
     def gaps(self) -> BoolArray:
         """Which steps (T − 1,) take much longer than usual."""

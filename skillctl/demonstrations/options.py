@@ -85,6 +85,11 @@ class Reading:
     position_only: bool = option(
         False, group=READING, help="Leave orientations aside, which are read where the header names them."
     )
+    reverse: bool = option(
+        False,
+        group=READING,
+        help="Run the recordings backwards: the motion ends where they began, as a retreat does.",
+    )
     frame: str = option(
         "base", metavar="FRAME", group=READING, help="Frame in which the positions are given."
     )
@@ -95,7 +100,7 @@ class Reading:
         A bound only refuses; and skills made before there were some of these choices stay up to date without
         them.
         """
-        later = ("axes", "topic", "accept", "orientation", "position_only")
+        later = ("axes", "topic", "accept", "orientation", "position_only", "reverse")
         chosen = {name: value for name, value in vars(self).items() if value or name not in later}
         del chosen["max_dimension"]
         return chosen

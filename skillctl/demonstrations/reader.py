@@ -80,6 +80,7 @@ def read_demonstrations(
     topic: str | None = None,
     orientation: str | None = None,
     position_only: bool = False,
+    reverse: bool = False,
     arm: RecordedArm | None = None,
 ) -> ReadResult:
     """Return the demonstrations in files, converted to one state space in metres (or radians).
@@ -106,6 +107,7 @@ def read_demonstrations(
         orientation: Convention of orientations, one of ``orientation.CONVENTIONS``, where names do not tell
             it; of arrays, it says that the columns behind the first three are one.
         position_only: Leave orientations aside.
+        reverse: Every demonstration is a recording backwards: it ends where the recording began.
         arm: The arm whose joints the files hold; the demonstrations are those of its hand.
 
     Raises:
@@ -144,7 +146,7 @@ def read_demonstrations(
     if position_only or (orientation is None and is_unmeasured(selection)):
         selection = [replace(recording, orientation=None) for recording in selection]
     _require_alike(selection)
-    prepared = [prepare(recording, dt=dt, scale=scale) for recording in selection]
+    prepared = [prepare(recording, dt=dt, scale=scale, reverse=reverse) for recording in selection]
     _require_short(prepared)
     demonstrations = _in_one_space(
         [demonstration for demonstration, _ in prepared], selection[0], names, frame

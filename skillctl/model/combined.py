@@ -12,14 +12,15 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray, Frozen, IntArray, frozen_array, require_positive, require_simplex
 from skillctl.errors import InvalidModelError, UsageError
+from skillctl.model.composite import Switched, require_parts
 from skillctl.model.gated import StackedDensities
 from skillctl.model.gates import combine_gate
-from skillctl.model.mixture import GaussianMixture, joined, softmax
-from skillctl.model.skill import ActingSkill, Composite, Kind, require_parts
+from skillctl.model.mixture import GaussianMixture, softmax
+from skillctl.model.skill import ActingSkill, Kind
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CombinedSkill(Frozen, Composite):
+class CombinedSkill(Frozen, Switched):
     """Several skills of which one alone acts at any time (Section 3.2).
 
     Part i = argmax_j (log βⱼ + log rⱼ(ξ)) acts, each rⱼ of the state as part j charts it. ``latched``: chosen
@@ -105,11 +106,6 @@ class CombinedSkill(Frozen, Composite):
         ends = self.part_attractors
         return bool((ends == ends[0]).all())
 
-    @property
-    def density(self) -> GaussianMixture:
-        """Position density of all that the parts were taught."""
-        return joined([part.density for part in self.parts], self.part_priors)
-
     def part_scores(self, positions: npt.ArrayLike) -> FloatArray:
         """Return log βᵢ + log rᵢ(ξ) for positions (n, d). Shape (n, parts); the largest part acts."""
         return self._scores(self.space.states(positions))
@@ -137,23 +133,8 @@ class CombinedSkill(Frozen, Composite):
             regions=tuple(region.translated(offset) for region in self.regions),
         )
 
-    def velocity_at(self, state: FloatArray, part: int | None = None) -> FloatArray:
-        """Return ξ̇ for one state (d,), which is not checked; ``part`` acts, else that of its region."""
-        if part is None:
-            part = self.selected(state)
-        velocity = self.parts[part].velocity_at(state)
-        return velocity if self.speed == 1.0 else self.speed * velocity
-
     def selected(self, state: FloatArray) -> int:
         """Return the index of the part whose region one state (d,) lies in."""
         if self._one_chart:
             return int(self._densities.shares(self.parts[0].charted(state)).argmax())
         return int(self._scores(state[None])[0].argmax())
-
-    def _velocities(self, states: FloatArray, parts: IntArray | None) -> FloatArray:
-        chosen = self.part_at(states) if parts is None else parts
-        velocities = np.empty_like(states)
-        for index in np.unique(chosen):
-            mask = chosen == index
-            velocities[mask] = self.speed * self.parts[index].velocity(states[mask])
-        return velocities

@@ -33,7 +33,9 @@ class Quadratics:
         rows, columns = np.triu_indices(d)
         quadratic = np.zeros((k, d, d))
         quadratic[:, rows, columns] = coefficients[:, 1 + d :]
-        self.coefficients, self.origin = coefficients, origin
+        self.coefficients, self.origin = coefficients.view(), origin.view()
+        for array in (self.coefficients, self.origin):  # what is computed from them below would not follow
+            array.setflags(write=False)
         self._constants = coefficients[:, 0].copy()
         self._linear = coefficients[:, 1 : 1 + d].ravel()
         self._quadratic = quadratic.reshape(k * d, d)
@@ -157,21 +159,24 @@ class StackedDensities:
     Args:
         mixtures: From left to right.
         weights: wᵢ > 0, shape (mixtures,).
+
+    Attributes:
+        quadratics: log πₖ N(x; μₖ, Σₖ) of all components, side by side.
     """
 
-    __slots__ = ("_log_weights", "_mixtures", "_quadratics", "_sums")
+    __slots__ = ("_log_weights", "_mixtures", "_sums", "quadratics")
 
     def __init__(self, mixtures: Sequence[GaussianMixture], weights: FloatArray) -> None:
         origin = np.mean([mixture.priors @ mixture.means for mixture in mixtures], axis=0)
         coefficients = np.concatenate([mixture.coefficients(origin) for mixture in mixtures])
         owners, _ = _blocks([mixture.n_components for mixture in mixtures])
         self._mixtures, self._log_weights = tuple(mixtures), np.log(weights)
-        self._quadratics = Quadratics(coefficients, origin)
+        self.quadratics = Quadratics(coefficients, origin)
         self._sums = (owners == np.arange(len(mixtures))[:, None]) * weights[:, None]
 
     def shares(self, position: FloatArray) -> FloatArray:
         """Return the shares at one position (d,). Shape (mixtures,)."""
-        logs = self._quadratics.at(position - self._quadratics.origin)
+        logs = self.quadratics.at(position - self.quadratics.origin)
         logs -= max(logs.tolist())  # what underflows now is nothing beside the largest
         shares: FloatArray = self._sums.dot(np.exp(logs))
         shares /= sum(shares.tolist())

@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray, Frozen, IntArray, frozen_array, require_simplex
 from skillctl.errors import InvalidModelError, UsageError
+from skillctl.model.composite import Composite, require_parts
 from skillctl.model.coordinates.chain import Chain
 from skillctl.model.gated import StackedDensities, StackedGates
 from skillctl.model.gates import Weighting, gate_parameters, merge_gate
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.mixture import BLOCK, GaussianMixture, joined, softmax
-from skillctl.model.skill import ActingSkill, Composite, Kind, require_parts
+from skillctl.model.skill import ActingSkill, Kind
 
 
 @dataclass(frozen=True, eq=False, slots=True)

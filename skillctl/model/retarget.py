@@ -10,10 +10,11 @@ import numpy.typing as npt
 from skillctl import rotations
 from skillctl.arrays import FloatArray
 from skillctl.errors import StateError, UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.mixture import congruent
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import AnySkill
+from skillctl.model.skill import AnySkill, Skill
 from skillctl.model.space import Space
 
 UNIT = 0.01  # a quaternion may be typed with two digits: (0, 0.71, 0, 0.71) has length 1.004
@@ -21,6 +22,9 @@ UNIT = 0.01  # a quaternion may be typed with two digits: (0, 0.71, 0, 0.71) has
 
 def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) -> AnySkill:
     """Return the same motion towards ``target`` (d,); all guarantees stay (theory: the motion is relative).
+
+    The last target of a chain is moved there, and its other stages with it. For one stage alone, give
+    ``chain.with_stage(i, retargeted(chain.parts[i], target))``.
 
     Args:
         skill: With attractors in one place.
@@ -43,6 +47,10 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
         )
     if turn and c == space.dimension:
         raise UsageError("turn: this skill moves positions; its target has no orientation to turn with.")
+    if isinstance(skill, ChainedSkill):
+        *before, last = skill.parts
+        carried = [_carried_stage(stage, attractors[0], goal, turn=turn) for stage in before]
+        return replace(skill, parts=(*carried, retargeted(last, target, turn=turn)))
     # ξ* + (target − ξ*) may differ from the target in its last bit, so attractors are set once more.
     ends = iter([np.r_[goal[:c], leaf.attractor[c:]] if together else goal for leaf in skill.leaves])
     moved = skill.carried(attractors[0], goal).with_leaves(lambda leaf: replace(leaf, attractor=next(ends)))
@@ -50,6 +58,14 @@ def retargeted(skill: AnySkill, target: npt.ArrayLike, *, turn: bool = False) ->
     if not turn or (before == after).all():
         return moved
     return turned(moved, rotations.matrices(after) @ rotations.matrices(before).T)
+
+
+def _carried_stage(stage: Skill, target: FloatArray, goal: FloatArray, *, turn: bool) -> Skill:
+    """Return a stage of a chain, moved as the last target is to a goal; with ``turn`` as one body with it."""
+    if not turn:
+        return stage.carried(target, goal)
+    end = stage.space.carried(stage.attractors[0], target, goal, turn=True)
+    return retargeted(stage, end, turn=True)
 
 
 def goal_of(space: Space, target: npt.ArrayLike, current: FloatArray) -> FloatArray:

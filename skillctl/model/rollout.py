@@ -25,13 +25,18 @@ class Rollouts:
         times: Shape (T,), [s].
         positions: Shape (n, T, d). A trajectory rests at its last state once all have arrived.
         arrival_times: First time within the arrival distance of an attractor, NaN if never. Shape (n,), [s].
-        parts: Part that acted at the end, 0 for skills without regions. Shape (n,).
+        acting: Part that acts at each of these states, 0 for skills without regions or stages. Shape (n, T).
     """
 
     times: FloatArray
     positions: FloatArray
     arrival_times: FloatArray
-    parts: IntArray
+    acting: IntArray
+
+    @property
+    def parts(self) -> IntArray:
+        """Part that acted at the end. Shape (n,)."""
+        return self.acting[:, -1]
 
     @property
     def arrived(self) -> BoolArray:
@@ -40,9 +45,13 @@ class Rollouts:
 
     def trajectory(self, index: int) -> tuple[FloatArray, FloatArray]:
         """Return times and positions of one trajectory, cut at its arrival."""
-        arrival = self.arrival_times[index]
-        end = len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
+        end = self.length(index)
         return self.times[:end], self.positions[index, :end]
+
+    def length(self, index: int) -> int:
+        """Return how many states of one trajectory there are up to its arrival."""
+        arrival = self.arrival_times[index]
+        return len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
 
 
 def arrival_distance_of(skill: Skill) -> float:
@@ -61,7 +70,8 @@ def rollout(
 ) -> Rollouts:
     """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would.
 
-    A latched combined skill keeps, per trajectory, the part chosen at the start. Integration ends when
+    A latched combined skill keeps, per trajectory, the part chosen at the start. The stages of a chain follow
+    each other at once: its events, and waits, are the ``Controller``'s. Integration ends when
     every trajectory has arrived, or after ``duration``. However many steps that takes, at most
     ``MOST_STATES`` states of each trajectory are kept.
 
@@ -72,8 +82,8 @@ def rollout(
         period: Step Δt, [s].
         arrival_distance: Distance to the nearest attractor at which a trajectory has arrived; by default
             ``ARRIVAL_DISTANCE``, or ``ARRIVAL_SHARE`` of the extent of a small skill.
-        parts: Which part of a latched combined skill acts on each trajectory, shape (n,), to go on with an
-            earlier rollout. Default: the part that each start selects.
+        parts: Which part of a latched combined skill, or of a chain, acts on each trajectory, shape (n,), to
+            go on with an earlier rollout. Default: the part that each start selects.
 
     Raises:
         UsageError: Starts of another dimension, or a period or duration that is not positive and finite.
@@ -86,13 +96,17 @@ def rollout(
     steps = int(np.ceil(duration / period))
     every = -(-steps // MOST_STATES)
     near_enough = arrival_distance_of(skill) if arrival_distance is None else arrival_distance
-    stepper, goals = Stepper(skill, period), skill.attractors
+    stepper = Stepper(skill, period)
     if parts is None:
         parts = skill.part_at(x)
     kept, times = [x], [0.0]
+    acting: list[IntArray] = []
     arrival = np.full(len(x), np.nan)
     for step in range(steps + 1):
-        near = skill.space.distance(x[:, None], goals).min(axis=1) < near_enough
+        parts = skill.onward(x, parts)
+        if len(acting) < len(kept):
+            acting.append(parts)
+        near = skill.arrived(x, parts, near_enough)
         arrival[near & np.isnan(arrival)] = step * period
         if step == steps or np.isfinite(arrival).all():
             break
@@ -104,4 +118,5 @@ def rollout(
     if times[-1] < (last := step * period):  # all arrived between two states that would be kept
         kept.append(x)
         times.append(last)
-    return Rollouts(np.array(times), np.stack(kept, axis=1), arrival, parts)
+        acting.append(parts)
+    return Rollouts(np.array(times), np.stack(kept, axis=1), arrival, np.stack(acting, axis=1))

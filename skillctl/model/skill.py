@@ -1,17 +1,16 @@
-"""What every skill can do, whatever its kind; a skill is learned, merged or combined."""
+"""What every skill can do, whatever its kind; a skill is learned, merged, combined or a chain."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, IntArray, require_moderate, require_positive
-from skillctl.errors import InvalidModelError
+from skillctl.arrays import BoolArray, FloatArray, IntArray, require_moderate, require_positive
 from skillctl.model.coordinates.chain import Chain
 from skillctl.model.lyapunov import QuadraticForm
 from skillctl.model.mixture import GaussianMixture
@@ -20,7 +19,7 @@ from skillctl.model.space import Space
 if TYPE_CHECKING:
     from skillctl.model.seds import SedsSkill
 
-Kind: TypeAlias = Literal["seds", "merged", "combined"]
+Kind: TypeAlias = Literal["seds", "merged", "combined", "chain"]
 AnySkill = TypeVar("AnySkill", bound="Skill")
 
 
@@ -28,16 +27,16 @@ class Skill(ABC):
     """A motion ξ̇ = f(ξ). Only reading, writing and messages ask for its kind.
 
     Attributes:
-        kind: ``seds`` (learned), ``merged`` or ``combined``.
+        kind: ``seds`` (learned), ``merged``, ``combined`` or ``chain``.
         space: What a state is.
         parts: The skills this one is made of; none of a learned one.
         shares: Weight or prior of each part, summing to one. Shape (number of parts,).
-        gate: How the parts act together; empty for a learned skill.
+        gate: How the parts act together, or follow each other; empty for a learned skill.
         parameters: Of the gate, by name.
         speed: α > 0, a factor on all velocities.
         density: Position density of all that the skill was taught.
         influences: A mixture for each acting part: the one of the largest value, times its share, acts.
-        acting_parts: The parts of which one acts at a time; the skill itself unless it is combined.
+        acting_parts: The parts of which one acts at a time; the skill itself if it is learned or merged.
         outer_speed: Factor on the velocity of each acting part.
         reselects: Whether the acting part is chosen at every instant.
         disturbance_distance: A jump of the state by more than this selects the acting part again.
@@ -55,7 +54,7 @@ class Skill(ABC):
         @property
         def space(self) -> Space: ...  # noqa: D102
         @property
-        def parts(self) -> tuple[ActingSkill, ...]: ...  # noqa: D102
+        def parts(self) -> tuple[Skill, ...]: ...  # noqa: D102
         @property
         def shares(self) -> FloatArray: ...  # noqa: D102
         @property
@@ -123,6 +122,23 @@ class Skill(ABC):
     def selected(self, state: FloatArray) -> int:
         """Return the index of the acting part whose region one state (d,), not checked, lies in."""
 
+    def stage_of(self, part: int) -> int:
+        """Return the stage of an acting part, both counted from 0: 0 but of a chain."""
+        return 0
+
+    def onward(self, states: FloatArray, parts: IntArray) -> IntArray:
+        """Return which part acts next at states (n, d), where parts (n,) did: another in a chain only."""
+        return parts
+
+    def onward_at(self, state: FloatArray, part: int) -> int:
+        """Return which part acts next at one state (d,), not checked: another in a chain only."""
+        return part
+
+    def arrived(self, states: FloatArray, parts: IntArray, distance: float) -> BoolArray:
+        """Return whether states (n, d), at which parts (n,) act, are this near to an end. Shape (n,)."""
+        nearest = self.space.distance(states[:, None], self.attractors).min(axis=1)
+        return np.asarray(nearest < distance)
+
     @abstractmethod
     def part_weights_at(self, states: FloatArray) -> FloatArray:
         """Return each part's share of the motion, or of the regions, at states (n, d). Shape (n, parts)."""
@@ -139,30 +155,6 @@ class Skill(ABC):
     @abstractmethod
     def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
         """Return the same tree with every leaf changed, from left to right."""
-
-
-class Composite(Skill):
-    """A skill made of parts: what it takes over from them."""
-
-    __slots__ = ()
-
-    @property
-    def space(self) -> Space:
-        """Names, unit and frame of the state."""
-        return self.parts[0].space
-
-    @property
-    def leaves(self) -> tuple[SedsSkill, ...]:
-        """The learned skills this one is made of, from left to right."""
-        return tuple(leaf for part in self.parts for leaf in part.leaves)
-
-    def carried(self: AnySkill, target: FloatArray, goal: FloatArray) -> AnySkill:
-        """Return the same motions, moved as a target is to a goal: all attractors move together."""
-        return replace(self, parts=tuple(part.carried(target, goal) for part in self.parts))  # type: ignore[type-var]
-
-    def with_leaves(self: AnySkill, change: Callable[[SedsSkill], SedsSkill]) -> AnySkill:
-        """Return the same tree of changed leaves."""
-        return replace(self, parts=tuple(part.with_leaves(change) for part in self.parts))  # type: ignore[type-var]
 
 
 AnyActing = TypeVar("AnyActing", bound="ActingSkill")
@@ -359,6 +351,11 @@ class ActingSkill(Skill):
         """Return √V for states (n, d). Shape (n,)."""
         return self.form.distance(self.lifted(states) - self.anchor)
 
+    def v_distance_at(self, state: FloatArray) -> float:
+        """Return √V for one state (d,), not checked."""
+        y = self.coordinates.forward_at(self.space.offset_at(state, self.attractor))
+        return math.sqrt(y.dot(self.lyapunov.dot(y)))
+
 
 def contraction_period(skill: Skill) -> float:
     """Return the longest controller period at which every acting part still contracts, [s]: an estimate.
@@ -376,18 +373,6 @@ def extent(density: GaussianMixture) -> float:
     reach = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     low, high = (density.means - reach).min(axis=0), (density.means + reach).max(axis=0)
     return float(np.linalg.norm(high - low))
-
-
-def require_parts(parts: tuple[ActingSkill, ...], speed: float) -> None:
-    """Raise InvalidModelError unless there are parts, each with one attractor, all in one space."""
-    if not parts:
-        raise InvalidModelError("parts: at least one is needed.")
-    for part in parts:
-        if not isinstance(part, ActingSkill):
-            raise InvalidModelError("parts: a combined skill cannot be a part of another skill.")
-        if part.space != parts[0].space:
-            raise InvalidModelError(f"parts: state spaces differ ({part.space} and {parts[0].space}).")
-        require_speed(speed, part.component_matrices)
 
 
 def require_speed(speed: float, matrices: FloatArray) -> None:

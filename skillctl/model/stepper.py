@@ -48,6 +48,10 @@ class Caps:
     speed: float = math.inf
     turn: float = math.inf
 
+    def within(self, others: Caps) -> Caps:
+        """Return the caps that keep both these and others."""
+        return Caps(min(self.speed, others.speed), min(self.turn, others.turn))
+
     def allow(self, space: Space, command: FloatArray) -> float:
         """Return the largest factor by which a command (d,) keeps both caps: below one if it breaks one."""
         moving, turning = space.speeds(command)
@@ -178,19 +182,21 @@ def _within(taken: Callable[[float], float]) -> float:
     """Return about the largest share in [0, 1] of a step that takes no more than all of a cap.
 
     What a step takes is nearly proportional to its share, so the Illinois method (regula falsi that halves
-    the end which stays) needs a handful of trials where bisection needs forty.
+    the end which stays twice) needs a handful of trials where bisection needs forty. It aims at the middle of
+    what is close enough, so that rounding does not decide how it ends.
 
     Args:
         taken: How much of the cap a share takes; more than one for the full step.
     """
-    low, high, below, above = 0.0, 1.0, -1.0, taken(1.0) - 1
+    aim, last = 1 - 0.5 * CLOSE, 0
+    low, high, below, above = 0.0, 1.0, -aim, taken(1.0) - aim
     for _ in range(SHARES):
         share = (low * above - high * below) / (above - below)
-        excess = taken(share) - 1
-        if excess > 0:
-            high, above, below = share, excess, 0.5 * below
-            continue
-        low, below, above = share, excess, 0.5 * above
-        if excess >= -CLOSE:
-            break
+        takes = taken(share)
+        if 1 - CLOSE <= takes <= 1:
+            return share
+        if takes > 1:
+            high, above, below, last = share, takes - aim, below * (0.5 if last > 0 else 1.0), 1
+        else:
+            low, below, above, last = share, takes - aim, above * (0.5 if last < 0 else 1.0), -1
     return low

@@ -10,12 +10,14 @@ from typing import Literal, TypeAlias
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import (
     OUTCOMES,
+    PHASES,
     SUCCESSES,
     Episode,
     Metrics,
@@ -122,10 +124,13 @@ def run_batch(
             rate = finished / max(time.perf_counter() - began, 1e-9)
             progress(f"{successes} of {finished} succeeded, {rate:.1f} episodes/s", finished, count)
 
-    if progress is not None:
-        progress("starting", 0, count)
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, finished, count)
+
+    waiting("starting")
     task = partial(run_row, skill, scenario, starts, adapt=adapt)
-    rows = (workers or Workers()).run(task, range(count), done=done, isolated=True)
+    rows = (workers or Workers()).run(task, range(count), done=done, waiting=waiting, isolated=True)
 
     def crashed(index: int) -> Row:
         lost = drawn(scenario, index, starts, skill.space)
@@ -150,8 +155,10 @@ def run_row(
 
 def _trace(episode: Episode) -> Trace:
     series = episode.series
-    approach = series.phases == 0
-    path, turns = series.hand[approach], series.hand_turns[approach]
+    moving = series.phases == PHASES.index("approach")
+    if isinstance(episode.setup.skill, ChainedSkill):
+        moving[:] = True
+    path, turns = series.hand[moving], series.hand_turns[moving]
     shown = spread_out(path, PATH_SPACING)
     return Trace(
         arm=episode.setup.arm,

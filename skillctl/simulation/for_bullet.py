@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as Xml
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from pathlib import Path
 
 import numpy as np
 
@@ -27,18 +28,25 @@ ROUNDED = 1e-3  # by this share, an inertia may break the triangle inequality wi
 INSIDE = 1 - 1e-6  # of the inequality, so that Bullet's rounding does not break it
 
 
-def for_bullet(robot: Robot, fixed: Mapping[str, float]) -> tuple[str, list[str]]:
+def for_bullet(
+    robot: Robot, fixed: Mapping[str, float], packages: Sequence[Path] = ()
+) -> tuple[str, list[str]]:
     """Return the description, and a note on each thing that could not be taken from the file.
 
     Args:
         robot: The robot.
         fixed: Joints that do not move, and their places; all others keep their kind.
+        packages: Folders whose meshes may be read, too (see ``find_mesh``).
 
     Raises:
-        InputDataError: A mesh is missing or of a kind that Bullet does not read, or a mass is impossible.
+        InputDataError: A mesh is missing, may not be read, or is of a kind that Bullet does not read; or a
+            mass is impossible.
     """
     root = Xml.Element("robot", {"name": robot.root.get("name", "robot")})
     root.extend(deepcopy(element) for element in robot.root if element.tag in KEPT)
+    for material in [*root.iter("material")]:
+        for texture in material.findall("texture"):  # which Bullet would look for in many places
+            material.remove(texture)
     masses = {str(link.get("name")): _mass(robot, link) for link in root.iterfind("link")}
     notes: list[str] = []
     for link in root.iterfind("link"):
@@ -48,7 +56,8 @@ def for_bullet(robot: Robot, fixed: Mapping[str, float]) -> tuple[str, list[str]
         _write_inertial(link, masses[name], moved and not _carries(robot, name, masses), notes)
         for mesh in link.iter("mesh"):
             try:
-                mesh.set("filename", str(find_mesh(mesh.get("filename", ""), robot.path.resolve().parent)))
+                found = find_mesh(mesh.get("filename", ""), robot.path.resolve().parent, packages)
+                mesh.set("filename", str(found))
             except InputDataError as refusal:
                 raise robot.refused(f"refers to {refusal}", refusal.hint) from None
     for element in root.iterfind("joint"):

@@ -4,29 +4,33 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.memory import require
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, LiveArm
 from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.disturbances import Perception, Schedule, last_end
+from skillctl.simulation.disturbances import MoveTarget, Schedule, last_end
 from skillctl.simulation.episode import Episode, Outcome, Phase, RefusedError, Setup, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.handling import STANDS, TRIES, Handling
+from skillctl.simulation.ik import ACCEPTED_RESIDUAL, Kinematics, Solution
 from skillctl.simulation.joint_space import JointArm, joint_limits, joint_metrics
 from skillctl.simulation.judge import Judge, Verdict, apart
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import Control
+from skillctl.simulation.perception import Perception
 from skillctl.simulation.position import PositionArm
 from skillctl.simulation.prepare import prepare
 from skillctl.simulation.recording import Recorder
-from skillctl.simulation.scenario import MoveTarget, Scenario
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.torque import TorqueArm
 
@@ -84,6 +88,16 @@ def simulate(
         metrics = joint_metrics(
             metrics, series, run.motion.target(run.arm.place_now), run.arm.gaps, scenario.tolerance
         )
+    if isinstance(handled := run.grasping, Handling):
+        off = float(np.linalg.norm(handled.off_place[:2]))
+        metrics = replace(
+            metrics,
+            time_to_target=handled.let_go,
+            cup_off=off,
+            cup_lost=handled.lost,
+            cup_stood=handled.stood,
+            cup_tries=handled.closed,
+        )
     return Episode(
         scenario=scenario,
         setup=setup,
@@ -120,9 +134,15 @@ class _Run:
         self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
         self.judge = Judge(setup.joint_plan or setup.plan, scenario, self.arm.period, setup.unit)
-        self.grasping = None
+        self.grasping: Grasping | Handling | None = None
         if scenario.cup is not None:
-            self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)
+            gripper, cup = Gripper(body), self.scene.cup_pose()
+            if isinstance(setup.skill, ChainedSkill):
+                self.grasping = Handling(scenario, gripper, self.motion, cup, self._in_reach)
+            else:
+                self.grasping = Grasping(scenario, gripper, cup, self._liftable)
+        if isinstance(self.arm, TorqueArm):
+            self.arm.posture_follows = scenario.posture == "follow"
         self.recorder = Recorder(self.arm, self.scene)
 
     @property
@@ -168,7 +188,8 @@ class _Run:
         lifting = self.grasping.velocity(now, self.arm.tracking.reference[:3]) if self.grasping else None
         by_skill = lifting is None
         if lifting is None:
-            velocity = self.motion.velocity(self.perception.hand(place))
+            busy = self.grasping.busy if self.grasping else False
+            velocity = self.motion.velocity(self.perception.hand(place), busy=busy)
         else:
             velocity = np.concatenate([lifting, np.zeros(len(place) - 3)])  # the hand does not turn
         target = self._true_target(place)
@@ -183,6 +204,7 @@ class _Run:
             self.motion.slowed(share)
         if self.grasping:
             self.grasping.proceed(now, *self.motion.gap(place, self.motion.target(place)))
+            self.arm.load = self.grasping.load
         return None
 
     def _verdict(
@@ -196,7 +218,9 @@ class _Run:
                 return Verdict(outcome, f"{contact.link} touched the {contact.thing} {when}")
         failure = self.judge.failure(self.motion, place, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
-            return failure or self.judge.settled(self.motion, place, self.seen_off)
+            return failure or (
+                self.judge.settled(self.motion, place, self.seen_off) if self.motion.done else None
+            )
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
 
     def _disturbed(self, now: float) -> Verdict | None:
@@ -208,13 +232,17 @@ class _Run:
                 self.scene.move_cup(offset[:3])
                 if self.grasping:
                     self.grasping.cup_moved(offset[:3])
-                self.motion.move(offset[:3])
+                self.motion.follow_cup(offset[:3])
                 self._look()
                 continue
             offset[3:] = event.turn[: len(offset) - 3]
             if not self._displaced(offset):
                 where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset[:3]))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
+        if isinstance(self.grasping, Handling) and (carried := self.grasping.carried(now)) is not None:
+            knocked = self.schedule.knocked(carried)
+            if knocked is not None:
+                self.scene.move_cup(knocked)
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
@@ -239,6 +267,11 @@ class _Run:
         reached = sum(solution.accepted for solution in self.kinematics.along(way, self.arm.state.joints))
         return lift if reached == steps else lift * reached / steps
 
+    def _in_reach(self, cup: FloatArray) -> bool:
+        """Return whether a cup of this pose (7,) stands on a board, where the hand can be at its middle."""
+        found = self.kinematics.search(self.kinematics.at(cup[:3]))
+        return self.scene.stands(cup) and found.residual < ACCEPTED_RESIDUAL
+
     def _require_free_start(self) -> None:
         contacts = self.scene.contacts_now()
         if contacts:
@@ -256,6 +289,8 @@ class _Run:
         end = last_end(scenario.disturbances)
         grasp = scenario.grasp
         after = grasp.close_time + grasp.lift_time + grasp.hold_time if scenario.cup else 0.0
+        if isinstance(self.grasping, Handling):
+            after = grasp.close_time + grasp.open_time + STANDS + TRIES * HORIZON_FACTOR * self.setup.duration
         if not plan.arrived:
             return plan.duration + end + after
         return HORIZON_FACTOR * self.setup.duration + HORIZON_SLACK + end + after

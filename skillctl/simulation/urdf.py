@@ -30,7 +30,11 @@ Held = tuple[tuple[str, float], ...]
 
 
 def find_arm(
-    name: str, tip: str | None = None, home: tuple[float, ...] | None = None, hold: Held = ()
+    name: str,
+    tip: str | None = None,
+    home: tuple[float, ...] | None = None,
+    hold: Held = (),
+    packages: tuple[str, ...] = (),
 ) -> ArmModel:
     """Return the arm of this name, or the one in this URDF file.
 
@@ -43,14 +47,22 @@ def find_arm(
             the robot and the names of its links (see ``hand``).
         home: Ready posture, one number a joint, [rad]. None: the middle of each joint's range.
         hold: Joints that do not move, with their places, [rad] or [m].
+        packages: Folders whose meshes may be read besides those of the file's own package (see
+            ``find_mesh``).
 
     Raises:
         UsageError: ``tip``, ``home`` or ``hold`` does not fit this arm.
         NotFoundError: No such arm or file, or PyBullet is not installed.
-        InputDataError: The file is damaged, refers to damaged or missing meshes, or describes no arm.
+        InputDataError: The file is damaged, refers to damaged or missing meshes or to files that may not be
+            read, or describes no arm.
     """
     if name in ARMS:
-        for option, given in (("tip", tip), ("home", home), ("hold", hold or None)):
+        for option, given in (
+            ("tip", tip),
+            ("home", home),
+            ("hold", hold or None),
+            ("package", packages or None),
+        ):
             if given is not None:
                 raise UsageError(
                     f"{option}: the arm {name} has its own; this is for arms by path.", hint="Leave it out."
@@ -65,18 +77,25 @@ def find_arm(
         ) from error
     load_bullet()  # its absence is reported before anything about the file
     paths = tuple(os.environ.get(variable, "") for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"))
-    return _read(path, (path.resolve(), stamp.st_mtime_ns, *paths), tip, home, hold)
+    return _read(path, (path.resolve(), stamp.st_mtime_ns, *paths), tip, home, hold, packages)
 
 
 @lru_cache(maxsize=8)  # every episode of a batch asks for the same arm
-def _read(path: Path, _: object, tip: str | None, home: tuple[float, ...] | None, hold: Held) -> ArmModel:
+def _read(
+    path: Path,
+    _: object,
+    tip: str | None,
+    home: tuple[float, ...] | None,
+    hold: Held,
+    packages: tuple[str, ...],
+) -> ArmModel:
     robot = read_robot(path)
     places = robot.places(dict(hold))
     hand = _default_hand(robot, places) if tip is None else _named_link(robot, tip)
     chain = free_joints(robot, hand, places)
     _require_arm(robot, chain, hand)
     fixed = _fixed(robot, chain, places)
-    text, notes = for_bullet(robot, fixed)
+    text, notes = for_bullet(robot, fixed, tuple(map(Path, packages)))
     joints, links = _probed(robot, text)
     lower, upper = (tuple(getattr(joint, end) for joint in chain) for end in ("lower", "upper"))
     model = ArmModel(

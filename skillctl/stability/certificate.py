@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillctl.model.skill import Skill
+from skillctl.model.chained import ChainedSkill
+from skillctl.model.skill import ActingSkill, Skill
 from skillctl.stability.blocks import coupled_radius
 from skillctl.stability.parts import MARGIN, certify_part, least
 from skillctl.stability.region import certified_radius
 from skillctl.stability.report import (
     Certificate,
+    Course,
     PartCertificate,
     Sampling,
     Scope,
@@ -18,9 +20,12 @@ from skillctl.stability.report import (
     least_frequency,
 )
 from skillctl.stability.sampling import search_witness
+from skillctl.stability.stages import follow_stages, told
 
 
-def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certificate:
+def certify(
+    skill: Skill, *, digest: str | None = None, seed: int = 0, period: float | None = None
+) -> Certificate:
     """Return what is proved about a skill, and what sampling shows where there is no global proof.
 
     Exact arithmetic on the stored numbers proves that each part converges exponentially from everywhere. Of
@@ -30,12 +35,15 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
     latched combined skill runs one part to its end. An instantaneous one with one attractor, one P and one
     kind of coordinates shrinks that P-norm whichever part acts, sliding motions included. In all other cases
     switching can trap a motion on a border between regions: then only a radius around each attractor is
-    proved, and rollouts search for a witness.
+    proved, and rollouts search for a witness. A chain runs one stage after the other to its end, if each is
+    over where the next one is proved.
 
     Args:
         skill: What to certify.
         digest: Content digest of the artifact the skill was read from; the certificate names it.
         seed: Of the sampling, which runs only where there is no global proof.
+        period: Of the controller in whose steps the course of a chain is bounded, [s]; by default half of the
+            proved one.
 
     References:
         Eq. 5 and 7; theory page, verification.
@@ -44,6 +52,8 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
         certify_part(number, part, skill.outer_speed)
         for number, part in enumerate(skill.acting_parts, start=1)
     )
+    if isinstance(skill, ChainedSkill):
+        return _chained(skill, parts, digest, period)
     failures = tuple(sentence for part in parts for sentence in part.failures)
     verdict: Verdict = "stable"
     scope: Scope = "global"
@@ -54,8 +64,8 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
             parts = tuple(replace(part, radius=certified_radius(skill, i)) for i, part in enumerate(parts))
             scope = "local" if _every_attractor_has_a_radius(skill, parts) else "none"
             failures = (_open_question(skill),)
-        elif len(parts) == 1 and parts[0].coupling and not parts[0].coordinates and parts[0].rate is not None:
-            parts = (replace(parts[0], radius=coupled_radius(skill.acting_parts[0])),)
+        elif len(parts) == 1:
+            parts = (_around(parts[0], skill.acting_parts[0]),)
             scope = "none" if parts[0].radius is None else "local"
         sampling = search_witness(skill, parts, seed)
         refuted = sampling.witness is not None or not all(part.proved for part in parts)
@@ -76,6 +86,42 @@ def certify(skill: Skill, *, digest: str | None = None, seed: int = 0) -> Certif
     )
 
 
+def _chained(
+    chain: ChainedSkill, parts: tuple[PartCertificate, ...], digest: str | None, period: float | None
+) -> Certificate:
+    """Return what is proved of a chain whose parts are proved, each by itself, as it says."""
+    parts = tuple(_around(part, acting) for part, acting in zip(parts, chain.acting_parts, strict=True))
+    failures = tuple(sentence for part in parts for sentence in part.failures)
+    rate, longest = least([part.rate for part in parts]), least([part.period for part in parts])
+    course: Course | None = None
+    known = all(part.proved or part.radius is not None for part in parts)
+    if known and longest is not None:
+        course, outside = follow_stages(chain, parts, 0.5 * longest if period is None else period)
+        failures += outside
+    scope: Scope = "none" if course is None else "global" if all(part.proved for part in parts) else "local"
+    return Certificate(
+        verdict="stable" if scope == "global" else "inconclusive" if known else "not proved",
+        scope=scope,
+        rate=None if course is None else rate,
+        period=None if course is None else longest,
+        margin=MARGIN,
+        parts=parts,
+        proof=_proof(chain, scope, parts, course),
+        failures=failures,
+        evidence=(),
+        sampling=None,
+        digest=digest,
+        course=course,
+    )
+
+
+def _around(certificate: PartCertificate, part: ActingSkill) -> PartCertificate:
+    """Return the certificate with the radius within which a coupled part is proved, if it is."""
+    if not certificate.coupling or certificate.coordinates or certificate.rate is None:
+        return certificate
+    return replace(certificate, radius=coupled_radius(part))
+
+
 def _parts_suffice(skill: Skill) -> bool:
     """Return whether the stability of each part alone makes the whole globally stable."""
     members = skill.acting_parts
@@ -92,11 +138,17 @@ def _every_attractor_has_a_radius(skill: Skill, parts: tuple[PartCertificate, ..
     return certified == set(attractors)
 
 
-def _proof(skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...]) -> tuple[str, ...]:
+def _proof(
+    skill: Skill, scope: Scope, parts: tuple[PartCertificate, ...], course: Course | None = None
+) -> tuple[str, ...]:
     """Say what is proved, part by part and for the whole."""
     unit = skill.space.unit
-    sentences = []
-    if scope == "global":
+    sentences: list[str] = []
+    if isinstance(skill, ChainedSkill):
+        sentences += (
+            () if course is None else told(skill, course, _from_where(skill, scope), local=scope == "local")
+        )
+    elif scope == "global":
         sentences.append(_global_statement(skill))
     for part in parts:
         name = "It" if len(parts) == 1 else f"Part {part.part}"
@@ -140,10 +192,17 @@ def _shrunk(bent: str, part: PartCertificate) -> str:
     )
 
 
-def _global_statement(skill: Skill) -> str:
-    everywhere = "everywhere"
+def _from_where(skill: Skill, scope: Scope) -> str:
+    """Say from where motions are proved."""
+    if scope == "local":
+        return "within the radius of its first part"
     if len(skill.space.blocks) > 1:
-        everywhere = "every position and every orientation but those exactly 180° from the target's"
+        return "every position and every orientation but those exactly 180° from the target's"
+    return "everywhere"
+
+
+def _global_statement(skill: Skill) -> str:
+    everywhere = _from_where(skill, "global")
     if len(skill.acting_parts) == 1 and skill.kind != "combined":
         return f"Every motion converges to the attractor exponentially, from {everywhere}."
     if not skill.reselects:

@@ -9,7 +9,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.exact import Dyadic, is_positive_definite
 from skillctl.model.seds import SedsSkill
-from skillctl.model.skill import ActingSkill
+from skillctl.model.skill import ActingSkill, Skill
 from skillctl.stability.blocks import Block, blocks_of, coupling, whole_of
 from skillctl.stability.exact import FLOAT64, decays, largest_proved, steps_contract
 from skillctl.stability.report import BlockCertificate, ComponentCertificate, PartCertificate
@@ -107,7 +107,7 @@ def proved_rate(part: ActingSkill, speed: float, period: float, block: Block | N
     )
 
 
-def _leaves(skill: ActingSkill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
+def _leaves(skill: Skill, speed: Dyadic) -> Iterator[tuple[SedsSkill, Dyadic]]:
     """Yield every leaf with the product of all speeds on the way to it."""
     speed = speed * Dyadic.of(skill.speed)
     if not skill.parts:

@@ -100,6 +100,56 @@ class PartCertificate:
 
 
 @dataclass(frozen=True, slots=True)
+class StageCertificate:
+    """What is proved of one stage of a chain.
+
+    Attributes:
+        stage: Counted from 1.
+        parts: Its parts that may act, as the certificate numbers them.
+        level: V of the part that acts at which the stage is over.
+        within: All states at which it can be over lie this near to its target, in the unit of the space; of
+            poses angles count by the characteristic length.
+        highest: V is no larger where the stage begins: in the start box, or where the stage before is over.
+        arrival: By then the stage is over: (1/r) ln √(highest / level), of the part that takes longest, [s].
+        steps: The most steps that a controller of the course's period needs for it.
+        waits: How long its events wait, once it is over, [s].
+
+    A bound is None if there is none.
+    """
+
+    stage: int
+    parts: tuple[int, ...]
+    level: float
+    within: float
+    highest: float | None
+    arrival: float | None
+    steps: int | None
+    waits: float
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """By when undisturbed motions of a chain have come to its end, stage by stage.
+
+    Attributes:
+        low: Lowest coordinates of the positions in which motions start, in the unit of the space.
+        high: The highest ones.
+        period: Of the controller whose steps are counted, [s].
+        stages: From the first to the last.
+        arrival: By then the last stage is over, with all waits, [s]; None if there is no bound. Events that
+            are no waits take what they take, in addition.
+        steps: The same in steps, at least one for each event; it bounds the time at shorter periods, too.
+    """
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    period: float
+    stages: tuple[StageCertificate, ...]
+    arrival: float | None
+    steps: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class Sampling:
     """Evidence from seeded rollouts; it can refute, never prove.
 
@@ -163,6 +213,7 @@ class Certificate:
         digest: Content digest of the artifact this holds for; None for a skill in memory.
         all_weights: Whether the same is proved for all weights of a merged skill's parts, so that they may be
             chosen at run time.
+        course: Of a chain, stage by stage; None if its stages are not proved, or do not lead into each other.
     """
 
     verdict: Verdict
@@ -177,6 +228,7 @@ class Certificate:
     sampling: Sampling | None
     digest: str | None = None
     all_weights: bool = False
+    course: Course | None = None
 
 
 def at_least(value: float, digits: int = 3) -> str:

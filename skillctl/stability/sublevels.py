@@ -21,6 +21,7 @@ from skillctl.stability.exact import inverse_diagonal, largest_proved, root_abov
 # From boxes (n, d) of offsets ξ − ξ* to numbers (n, k) that no offset in them exceeds.
 Measure: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 
+MOST_COORDINATES = 14  # 2^14 vertices of a box, each an exact number
 TRIES = 50  # the first or second radius passes, unless the coordinates bend within the arrival distance
 
 
@@ -38,6 +39,10 @@ class Sublevels(ABC):
     @abstractmethod
     def radius(self, near: float) -> float | None:
         """Return ρ > 0 with {√V ≤ ρ} within the distance ``near`` of the attractor; None: not found."""
+
+    @abstractmethod
+    def farthest(self, level: float) -> float:
+        """Return a distance from the attractor within which {V ≤ c} lies; may be infinite."""
 
 
 def sublevels_of(block: Block) -> Sublevels:
@@ -70,12 +75,21 @@ class PlainSublevels(Sublevels):
 
     def radius(self, near: float) -> float | None:
         """Return nearly the largest ρ with near² P − ρ² I ≻ 0."""
+        root = self._root()
+        return None if root is None else near * root * (1 - GUARD)
+
+    def farthest(self, level: float) -> float:
+        """Return √c / s for nearly the largest s with P − s² I ≻ 0."""
+        root = self._root()
+        return math.inf if root is None else math.sqrt(level) / root * (1 + GUARD)
+
+    def _root(self) -> float | None:
+        """Return nearly the largest s with s ‖e‖ ≤ ‖e‖_P; None below float64's range."""
         identity = Dyadic.of(np.eye(len(self._anchor)))
-        squared = self._lyapunov * (Dyadic.of(near) * Dyadic.of(near))
         return largest_proved(
-            near * math.sqrt(max(self._smallest, 0.0)),
-            near,
-            lambda rho: is_positive_definite(squared + -(identity * (rho * rho))),
+            math.sqrt(max(self._smallest, 0.0)),
+            1.0,
+            lambda root: is_positive_definite(self._lyapunov + -(identity * (root * root))),
         )
 
 
@@ -115,18 +129,22 @@ class BentSublevels(Sublevels):
 
     def radius(self, near: float) -> float | None:
         """Return a ρ whose {√V ≤ ρ} is seen to lie within ``near`` of the attractor."""
-
-        def distance(low: FloatArray, high: FloatArray) -> FloatArray:
-            farthest = np.maximum(np.abs(low), np.abs(high))
-            return np.asarray((1 + GUARD) * np.linalg.norm(farthest, axis=1, keepdims=True))
-
         rho = near * math.sqrt(max(float(np.linalg.eigvalsh(self._lyapunov)[0]), 0.0))
         for _ in range(TRIES if rho > 0 else 0):
-            reached = float(self._over_sublevel(rho**2, distance)[0])
+            reached = self.farthest(rho**2)
             if reached <= near:
                 return rho * (1 - GUARD)
             rho *= 0.95 * max(near / reached, 0.1)
         return None
+
+    def farthest(self, level: float) -> float:
+        """Return how far enclosures of c⁻¹ over cells of {yᵀPy ≤ c} reach."""
+
+        def distance(low: FloatArray, high: FloatArray) -> FloatArray:
+            reached = np.maximum(np.abs(low), np.abs(high))
+            return np.asarray((1 + GUARD) * np.linalg.norm(reached, axis=1, keepdims=True))
+
+        return float(self._over_sublevel(level, distance)[0])
 
     def _over_sublevel(self, level: float, measure: Measure) -> FloatArray:
         """Return upper bounds of what ``measure`` says of boxes of ξ − ξ*, over {V ≤ c}."""

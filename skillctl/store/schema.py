@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from skillctl.errors import UsageError, printable
+from skillctl.model.chained import EVENT
 from skillctl.model.gates import MERGE_GATES, gate_parameters
 from skillctl.store.errors import Refusal
 from skillctl.store.migrations import FORMAT_VERSION
@@ -110,7 +111,7 @@ Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}\z")]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}\z")]
 ContentDigest = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}\z")]
 Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ\z")]
-Event = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,63}( \d{1,6}(\.\d{1,9})?)?\z")]
+Event = Annotated[str, Field(pattern=rf"^{EVENT.pattern}\z")]
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -172,18 +173,14 @@ class CombinedNode(Strict):
 
 
 class ChainNode(Strict):
-    """Reserved: skills that act one after the other.
-
-    Attributes:
-        parts: In their order.
-        levels: A part hands over when its own V falls below its level; the last is done then.
-        events: What happens after each part: ``close``, ``open``, ``wait 0.5``.
-    """
+    """Skills that act one after the other; see ``skillctl.model.ChainedSkill``."""
 
     kind: Literal["chain"] = "chain"
     parts: Annotated[tuple[StageNode, ...], Field(strict=False, min_length=1)]
     levels: Weights
     events: Annotated[tuple[Annotated[tuple[Event, ...], Field(strict=False)], ...], Field(strict=False)]
+    on_jump: Literal["stay", "back"]
+    disturbance_distance: Positive
 
     @model_validator(mode="after")
     def _has_a_level_and_events_for_each_part(self) -> ChainNode:

@@ -89,8 +89,17 @@ def require_ties(meta: Meta, version: int = FORMAT_VERSION) -> None:
     if version == 1 or isinstance(skill, SedsNode):
         return
     parts, parents = len(skill.parts), len(meta.provenance.parents)
-    if (command == "merge" and parents != parts) or (command == "combine" and not 1 <= parents <= parts):
+    one_each = command in ("merge", "chain") and parents != parts
+    if one_each or (command == "combine" and not 1 <= parents <= parts):
         raise Refusal(f"/meta.json: provenance.parents: {parents} skills do not {command} into {parts} parts")
+    roles = [parent.role for parent in meta.provenance.parents]
+    if command == "chain" and roles != [stage_role(number) for number in range(1, parts + 1)]:
+        raise Refusal(f"/meta.json: provenance.parents: the roles must be stage 1 to stage {parts}, in order")
+
+
+def stage_role(number: int) -> str:
+    """Return the role of the skill that a stage of a chain was, counted from 1."""
+    return f"stage {number}"
 
 
 def is_complete(operation: Operation) -> bool:

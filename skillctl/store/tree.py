@@ -9,6 +9,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import IDENTITY, Chain, Link, OnPosition
 from skillctl.model.coordinates.shears import SHEAR_ARRAYS, Shears
@@ -43,35 +44,64 @@ def model_arrays(skill: Skill) -> dict[str, FloatArray]:
 
 
 def _region_arrays(skill: Skill) -> dict[str, Array]:
-    """Return the regions of all parts, stacked; nothing where position densities are the regions."""
-    if not isinstance(skill, CombinedSkill) or not skill.regions:
+    """Return the regions of all acting parts, stacked; nothing where position densities are the regions."""
+    stages = skill.parts if isinstance(skill, ChainedSkill) else (skill,)
+    firsts = np.cumsum([0] + [len(stage.acting_parts) for stage in stages])
+    numbered = [
+        (first + number, region)
+        for first, stage in zip(firsts, stages, strict=False)
+        if isinstance(stage, CombinedSkill)
+        for number, region in enumerate(stage.regions)
+    ]
+    if not numbered:
         return {}
-    sizes = [region.n_components for region in skill.regions]
     return {
         **{
-            f"regions/{name}": np.concatenate([getattr(region, name) for region in skill.regions])
+            f"regions/{name}": np.concatenate([getattr(region, name) for _, region in numbered])
             for name in DENSITY_ARRAYS
         },
-        "regions/part": np.repeat(np.arange(len(sizes)), sizes),
+        "regions/part": np.repeat(
+            [number for number, _ in numbered], [region.n_components for _, region in numbered]
+        ),
     }
 
 
-def _regions(arrays: Mapping[str, Array], n_parts: int) -> tuple[GaussianMixture, ...]:
-    """Return the region of each part; none if there are none.
+def _require_regions(node: Node, arrays: Mapping[str, FloatArray]) -> None:
+    """Raise Refusal unless each combined skill has the regions of all its parts, in order, or of none."""
+    if "regions/part" not in arrays:
+        return
+    combined = [parts for parts, stage in _numbered(node) if isinstance(stage, CombinedNode)]
+    if not combined:
+        raise Refusal("/regions: there is no combined skill that they could belong to")
+    owners = arrays["regions/part"]
+    found = set(owners.tolist())
+    wanted = [number for parts in combined if not found.isdisjoint(parts) for number in parts]
+    if (owners[1:] < owners[:-1]).any() or sorted(found) != wanted:
+        raise Refusal("/regions/part: must number all parts of a combined skill, in order")
+
+
+def _numbered(node: Node) -> Iterator[tuple[range, Node]]:
+    """Yield each stage of a chain, or the node itself, with the numbers of its acting parts."""
+    first = 0
+    for stage in node.parts if isinstance(node, ChainNode) else (node,):
+        count = len(stage.parts) if isinstance(stage, CombinedNode) else 1
+        yield range(first, first + count), stage
+        first += count
+
+
+def _regions(arrays: Mapping[str, Array], parts: range) -> tuple[GaussianMixture, ...]:
+    """Return the region of each part of a combined skill; none if there are none.
 
     Raises:
-        Refusal: They are not those of all parts, in order.
         InvalidModelError: The numbers do not form mixtures.
     """
-    if "regions/part" not in arrays:
+    owners = arrays.get("regions/part", np.zeros(0))
+    if parts[0] not in owners:
         return ()
-    owners = arrays["regions/part"]
-    if (owners[1:] < owners[:-1]).any() or np.unique(owners).tolist() != list(range(n_parts)):
-        raise Refusal(f"/regions/part: must be all numbers below {n_parts}, in order")
     try:
         return tuple(
             GaussianMixture(*(arrays[f"regions/{name}"][owners == part] for name in DENSITY_ARRAYS))
-            for part in range(n_parts)
+            for part in parts
         )
     except InvalidModelError as error:
         raise InvalidModelError(f"regions: {error}") from error
@@ -175,6 +205,14 @@ def _node(skill: Skill, cursor: _Cursor) -> Node:
             parameters=dict(skill.parameters),
             speed=float(skill.speed),
         )
+    if isinstance(skill, ChainedSkill):
+        return ChainNode(
+            parts=parts,
+            levels=tuple(skill.levels.tolist()),
+            events=skill.events,
+            on_jump=skill.on_jump,
+            disturbance_distance=float(skill.disturbance_distance),
+        )
     return CombinedNode(
         parts=parts,
         part_priors=tuple(skill.shares.tolist()),
@@ -203,9 +241,12 @@ def skill_of(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skil
         InvalidModelError: The numbers do not form a skill.
     """
     _require_tiling(node, arrays)
-    if "regions/part" in arrays and not isinstance(node, CombinedNode):
-        raise Refusal(f"/regions: a skill of kind {node.kind} has none")
-    return _skill(node, arrays, space)
+    _require_regions(node, arrays)
+    stages = tuple(_skill(stage, arrays, space, parts) for parts, stage in _numbered(node))
+    if not isinstance(node, ChainNode):
+        (skill,) = stages
+        return skill
+    return ChainedSkill(stages, np.array(node.levels), node.events, node.on_jump, node.disturbance_distance)
 
 
 def _require_tiling(node: Node, arrays: Mapping[str, FloatArray]) -> None:
@@ -239,17 +280,16 @@ def _leaves(node: Node, depth: int) -> Iterator[SedsNode]:
             yield from _leaves(part, depth + 1)
 
 
-def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space) -> Skill:
+def _skill(node: Node, arrays: Mapping[str, FloatArray], space: Space, numbers: range) -> Skill:
+    """Return a skill that is no chain, whose acting parts have these numbers."""
     if isinstance(node, SedsNode):
         return _seds_skill(node, arrays, space)
-    parts: Any = tuple(_skill(part, arrays, space) for part in node.parts)
+    parts: Any = tuple(_skill(part, arrays, space, numbers) for part in node.parts)
     if isinstance(node, MergedNode):
         weights = np.array(node.part_weights)
         return MergedSkill(parts, weights, node.gate, node.speed, node.parameters)
-    if isinstance(node, ChainNode):
-        raise Refusal(f"/meta.json: skill: cannot be of kind {node.kind}")
-    priors = np.array(node.part_priors)
-    regions = _regions(arrays, len(parts))
+    assert isinstance(node, CombinedNode)
+    priors, regions = np.array(node.part_priors), _regions(arrays, numbers)
     return CombinedSkill(parts, priors, node.gate, node.disturbance_distance, node.speed, regions)
 
 

@@ -15,6 +15,7 @@ from skillctl.adapt.task_file import Task, task_of_demonstrations, task_of_scena
 from skillctl.adapt.together import Refit, Together, prove_together
 from skillctl.compose.merge import common_members
 from skillctl.compose.options import MergeOptions
+from skillctl.compose.parts import require_no_chains
 from skillctl.demonstrations.options import Reading
 from skillctl.errors import FitError, UsageError
 from skillctl.model.skill import ActingSkill
@@ -281,6 +282,7 @@ def _sources(
                 "adapt: the skills have different coordinates, units or frames.",
                 hint="Learn them again with the same columns, units and frame.",
             )
+        require_no_chains([source.skill for source in sources], "adapt")
         return sources, ()
     size = len(asked.task.target.position)
     root = existing_store(destination.store)

@@ -73,6 +73,7 @@ def learn_many(
 
     Raises:
         NotFoundError: There is no manifest, or no such cluster.
+        StoreError: The cluster was lost; what was learned before that is written.
         InputDataError: The manifest is none; nothing is learned.
     """
     entries = read_manifest(Path(manifest))
@@ -93,9 +94,12 @@ def learn_many(
         if progress is not None:
             progress(f"{outcome.skill} {outcome.outcome}", len(outcomes), len(entries))
 
-    if progress is not None:
-        progress("starting", len(outcomes), len(entries))
-    (workers or Workers()).run(_made, list(requests.values()), done=done)
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, len(outcomes), len(entries))
+
+    waiting("starting")
+    (workers or Workers()).run(_made, list(requests.values()), done=done, waiting=waiting)
     counts = Counter(each.outcome for each in outcomes.values())
     return LearnManyReport(
         manifest=Path(manifest),

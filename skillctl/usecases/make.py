@@ -12,6 +12,7 @@ from skillctl.compose.parts import notes_on
 from skillctl.demonstrations.formats import digest_of
 from skillctl.errors import FitError, InputDataError
 from skillctl.evaluate.errors import report_errors
+from skillctl.model.golden import golden_motions
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.stability.certificate import certify
@@ -34,6 +35,7 @@ CANDIDATES = "candidates"
 CHECK_PARTS = "`skillctl verify-stability SKILL…` says which skill is not proved; learn that one again."
 Details = TypeVar("Details")
 ASKED_FOR = ("it was asked for",)
+PART = "part {}".format  # the role of a parent, by its number from 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +43,8 @@ class MakeReport:
     """What a command that makes a skill did.
 
     Attributes:
-        status: ``learned``, ``merged`` or ``combined``; or ``up to date``: the same inputs and options gave
-            what is there, and nothing was computed again.
+        status: ``learned``, ``merged``, ``combined`` or ``chained``; or ``up to date``: the same inputs and
+            options gave what is there, and nothing was computed again.
         written: How to name the skill, where it is, what it is.
         certificate: What is proved of it, derived now.
         notes: Sentences for the user.
@@ -177,9 +179,9 @@ class PartSummary:
     n_components: int
 
 
-def parents_of(sources: Sequence[Source]) -> list[ParentRecord]:
-    """Return what a child records about its parents."""
-    return [source.as_parent(f"part {number}") for number, source in enumerate(sources, start=1)]
+def parents_of(sources: Sequence[Source], role: Callable[[int], str] = PART) -> list[ParentRecord]:
+    """Return what a child records about its parents; ``role`` names them by their numbers from 1."""
+    return [source.as_parent(role(number)) for number, source in enumerate(sources, start=1)]
 
 
 def child_artifact(
@@ -190,6 +192,7 @@ def child_artifact(
     inputs: Sequence[InputRecord] = (),
     *,
     turn: bool = False,
+    role: Callable[[int], str] = PART,
 ) -> Artifact:
     """Return the artifact of a skill made from others.
 
@@ -202,10 +205,11 @@ def child_artifact(
         reports: On the demonstrations.
         inputs: Files that were read besides the parents.
         turn: Whether motions of poses turned with their targets.
+        role: Names the parents by their numbers from 1.
     """
     demonstrations = carried_demonstrations(sources, child.leaves, turn=turn)
-    provenance = current_provenance(inputs=inputs, parents=parents_of(sources))
-    return Artifact(child, demonstrations, operation, provenance, tuple(reports))
+    provenance = current_provenance(inputs=inputs, parents=parents_of(sources, role))
+    return Artifact(child, demonstrations, operation, provenance, tuple(reports), golden_motions(child))
 
 
 def reports_on(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
@@ -330,9 +334,9 @@ def _changed_options(there: Operation, wanted: Operation) -> list[str]:
 
 
 def _value(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return ",".join(map(_value, value))
-    return "not set" if value is None else str(value)
+    if value is None or value == []:
+        return "not set"
+    return ",".join(map(_value, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def _sha256(path: Path) -> str:

@@ -40,6 +40,7 @@ class Robot:
     Attributes:
         arm: A name in ``ARMS``, or a URDF file.
         tip: Link of an arm by file whose positions are learned.
+        package: Folders whose meshes an arm by file may name.
     """
 
     arm: str | None = option(
@@ -50,10 +51,19 @@ class Robot:
     tip: str | None = option(
         metavar="LINK", group=READING, help="Hand of an arm by file. Default: as in `simulate`."
     )
+    package: tuple[str, ...] = option(
+        (),
+        repeated=True,
+        metavar="DIR",
+        group=READING,
+        help="Let an arm by file name meshes in DIR, too, as in `simulate`.",
+    )
 
     def __post_init__(self) -> None:
         if self.tip is not None and self.arm is None:
             raise UsageError("tip: it is a link of the arm that was recorded.", hint="Add --arm FILE.urdf.")
+        if self.package and self.arm is None:
+            raise UsageError("package: it is for the arm that was recorded.", hint="Add --arm FILE.urdf.")
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -66,8 +76,11 @@ class Robot:
         return {key: value for key, value in {"arm": arm, "tip": self.tip}.items() if value is not None}
 
     def beside(self, folder: Path) -> Robot:
-        """Return the same with the file relative to a folder."""
-        return replace(self, arm=str(folder / self.files[0])) if self.files else self
+        """Return the same with the file and its packages relative to a folder."""
+        if not self.files:
+            return self
+        package = tuple(str(folder / each) for each in self.package)
+        return replace(self, arm=str(folder / self.files[0]), package=package)
 
 
 @dataclass(frozen=True)

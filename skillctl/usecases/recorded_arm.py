@@ -34,7 +34,7 @@ def recorded_arm(robot: Robot) -> RecordedArm | None:
     from skillctl.simulation.forward import hand_positions, joint_names  # late: they need PyBullet
     from skillctl.simulation.urdf import find_arm
 
-    model = find_arm(robot.arm, robot.tip)
+    model = find_arm(robot.arm, robot.tip, packages=robot.package)
     return RecordedArm(
         name=model.name,
         hand=model.tip_link,

@@ -12,6 +12,7 @@ from skillctl.adapt.report import TaskVerdict
 from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
+from skillctl.model.golden import GoldenComparison
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.prepare import among_scene
@@ -25,12 +26,14 @@ from skillctl.stability.requirements import DEMOS, Requirements
 from skillctl.store import Lock, locate_store
 from skillctl.store.signing import SignatureState
 from skillctl.store.source import Source, open_skill
+from skillctl.usecases.c99 import exported_from
 from skillctl.usecases.sign import check_signature
 from skillctl.workers import WorkerDied, Workers
 
 if TYPE_CHECKING:
     from skillctl.adapt.asked import AskedTask
 
+NOTHING_RECORDED = "It holds no golden motions: an earlier version made it, or no period is proved of it."
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
 
@@ -39,7 +42,7 @@ class SkillVerdict:
     """What is known of one skill: a certificate, or why it could not be read.
 
     Attributes:
-        skill: Its name, with its version if it is from the store.
+        skill: Its name, with its version if it is from the store; of a header in C, the file before it.
         path: Its file; None if it could not be read.
         digest: Content digest that the certificate holds for.
         certificate: What is proved; None if the skill could not be read.
@@ -53,6 +56,7 @@ class SkillVerdict:
             nothing is proved of them.
         clearance: Which bodies of the scene its hand is proved clear of; None if no scene was given.
         task: How it does the task; None if no task was given.
+        golden: How it agrees with its golden motions; None if that was not asked, or if it holds none.
     """
 
     skill: str
@@ -66,14 +70,22 @@ class SkillVerdict:
     reach: Reach | None = None
     clearance: Clearance | None = None
     task: TaskVerdict | None = None
+    golden: GoldenComparison | None = None
 
 
 @dataclass(frozen=True)
 class VerifyReport:
-    """The verdicts, in the order in which the skills were named, and what was required."""
+    """The verdicts, in the order in which the skills were named, and what was required.
+
+    Attributes:
+        skills: One verdict each.
+        required: Of the proof.
+        golden: Whether they had to agree with their golden motions.
+    """
 
     skills: tuple[SkillVerdict, ...]
     required: Requirements
+    golden: bool = False
 
 
 def verify_stability(
@@ -84,23 +96,26 @@ def verify_stability(
     required: Requirements | None = None,
     scene: Path | None = None,
     task: Path | None = None,
+    golden: bool = False,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> VerifyReport:
     """Return what is proved of each skill; one that cannot be read does not keep others from being checked.
 
     Args:
-        references: Files, or names of the store.
+        references: Files, or names of the store; of a header in C, the skill that it was exported from.
         store: Where names live; default as on the command line.
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
         scene: A scenario file: of which of its bodies is the hand proved clear?
+        golden: Every skill has to agree with the motions that were recorded where it was made.
         task: A task file; every skill has to do the task as it is, by all motions that are followed.
         workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
 
     Raises:
         NotFoundError: There is no such cluster.
+        StoreError: The cluster was lost.
         UsageError: A box of another dimension than a skill, ``demos`` for a skill without demonstrations, or
             a skill that a scene means nothing to.
         InputDataError: The scenario file cannot be used.
@@ -115,6 +130,10 @@ def verify_stability(
             outcome = "unreadable" if isinstance(verdict, WorkerDied) else verdict.outcome
             progress(f"{named[position]} {outcome}", finished, len(named))
 
+    def waiting(words: str) -> None:
+        if progress is not None:
+            progress(words, finished, len(named))
+
     workers = workers or Workers()
     # The surroundings of this process decide where the store is, not those of a worker.
     place = store if workers.scheduler is None else locate_store(store)
@@ -124,14 +143,17 @@ def verify_stability(
         from skillctl.adapt.asked import AskedTask  # late: it reads demonstrations, and scenes
 
         asked = AskedTask.read(task, place, lock)
-    work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
-    verdicts = workers.run(work, named, done=done)
+    work = partial(
+        _verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked, golden=golden
+    )
+    verdicts = workers.run(work, named, done=done, waiting=waiting)
     return VerifyReport(
         tuple(
             _died(reference) if isinstance(verdict, WorkerDied) else verdict
             for reference, verdict in zip(named, verdicts, strict=True)
         ),
         required,
+        golden,
     )
 
 
@@ -166,14 +188,16 @@ def _verdict(
     required: Requirements,
     scenario: Scenario | None,
     asked: AskedTask | None,
+    golden: bool,
 ) -> SkillVerdict:
     try:
-        source = open_skill(reference, store, lock)
+        skill = exported_from(reference, store)
+        source = open_skill(skill, store, lock)
         signed = None if required.signer is None else check_signature(source, required.signer)
     except SkillctlError as error:
         return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
-    certificate = certify(source.skill, digest=digest)
+    certificate = certify(source.skill, digest=digest, period=required.period)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
     task = None if asked is None else asked.judged(source.skill, certificate)
@@ -182,15 +206,28 @@ def _verdict(
     if unmet:
         unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
         outcome = "inconclusive" if unknown else "not proved"
+    agreement = _agreement(source) if golden else None
+    if golden and agreement is None:
+        unmet = (*unmet, NOTHING_RECORDED)
+        outcome = "inconclusive" if outcome == "proved" else outcome
+    elif agreement is not None and not agreement.agrees:
+        unmet = (*unmet, f"It does not agree with its golden motions: {agreement.said}.")
+        outcome = "not proved"
     if signed is not None and signed.state != "valid":
         unmet = (*unmet, f"Required is a signature; {signed.explanation}")
         outcome = "not proved" if outcome == "not proved" else "not signed"
     state = None if signed is None else signed.state
     path = source.located.path
     clear = None if scenario is None else _clearance(source, scenario, required)
+    name = source.name if skill == reference else f"{reference}, of {source.name}"
     return SkillVerdict(
-        source.name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task
+        name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task, agreement
     )
+
+
+def _agreement(source: Source) -> GoldenComparison | None:
+    golden = source.artifact.golden
+    return None if golden is None else golden.compared(source.skill)
 
 
 def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 Backend: TypeAlias = Literal["processes", "dask"]
+
+PATIENCE = 60.0  # [s]
 
 
 class WorkerDied:
@@ -26,17 +29,23 @@ class Workers:
     Attributes:
         jobs: Number of processes on this machine.
         scheduler: Address of a Dask scheduler, whose workers are used instead.
+        patience: How long a cluster may give no sign of life, [s].
     """
 
     jobs: int = 1
     scheduler: str | None = None
+    patience: float = PATIENCE
 
     def __post_init__(self) -> None:
         if self.jobs < 1:
             raise UsageError(f"jobs: must be at least 1, got {self.jobs}.")
+        if not 0 < self.patience < math.inf:
+            raise UsageError(f"patience: must be above 0 s, got {self.patience:g}.")
 
     @classmethod
-    def chosen(cls, jobs: int | None, backend: Backend, scheduler: str | None) -> Workers:
+    def chosen(
+        cls, jobs: int | None, backend: Backend, scheduler: str | None, patience: float | None = None
+    ) -> Workers:
         """Return the workers that the options select.
 
         Raises:
@@ -53,9 +62,10 @@ class Workers:
                     "--jobs counts processes of this machine, not the workers of a cluster.",
                     hint="Leave out --jobs.",
                 )
-            return cls(scheduler=scheduler)
-        if scheduler is not None:
-            raise UsageError("--scheduler names a cluster.", hint="Add --backend dask.")
+            return cls(scheduler=scheduler, patience=PATIENCE if patience is None else patience)
+        for option, given in (("scheduler", scheduler), ("patience", patience)):
+            if given is not None:
+                raise UsageError(f"--{option} is about a cluster.", hint="Add --backend dask.")
         return cls(1 if jobs is None else jobs)
 
     def run(
@@ -64,6 +74,7 @@ class Workers:
         items: Sequence[Item],
         *,
         done: Callable[[int, Result | WorkerDied], None] | None = None,
+        waiting: Callable[[str], None] | None = None,
         isolated: bool = False,
     ) -> list[Result | WorkerDied]:
         """Return task(item) for every item, in their order. A process that dies costs its own item only.
@@ -73,15 +84,17 @@ class Workers:
                 linear algebra.
             items: Arguments of ``task``, picklable.
             done: Called with (position, result) as soon as each is known, in any order.
+            waiting: Called with a sentence while a cluster gives no sign of life.
             isolated: Use processes of their own even for one job, because the task may crash.
 
         Raises:
             NotFoundError: There is no such cluster, or Dask is not installed.
-            StoreError: The cluster was lost, or its workers have another directory or other versions.
+            StoreError: The cluster was lost, or gave no sign of life for too long, or its workers
+                have another directory or other versions.
             Whatever ``task`` raises, for the first item that fails.
         """
         results: dict[int, Result | WorkerDied] = {}
-        with closing(self._stream(task, items, isolated)) as stream:  # an exception ends all processes
+        with closing(self._stream(task, items, isolated, waiting)) as stream:  # an exception ends all of it
             for position, result in stream:
                 results[position] = result
                 if done is not None:
@@ -89,12 +102,16 @@ class Workers:
         return [results[position] for position in range(len(items))]
 
     def _stream(
-        self, task: Callable[[Item], Result], items: Sequence[Item], isolated: bool
+        self,
+        task: Callable[[Item], Result],
+        items: Sequence[Item],
+        isolated: bool,
+        waiting: Callable[[str], None] | None,
     ) -> Generator[tuple[int, Result | WorkerDied], None, None]:
         if self.scheduler is not None:
             from skillctl.workers.cluster import run_on_cluster
 
-            return run_on_cluster(task, items, self.scheduler)
+            return run_on_cluster(task, items, self.scheduler, self.patience, waiting)
         if self.jobs > 1 or isolated:
             from skillctl.workers.processes import run_in_processes  # late: most commands run one thing
 

@@ -7,11 +7,14 @@ import logging
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import skillctl
@@ -20,6 +23,9 @@ from skillctl.workers import Item, Result, WorkerDied
 from skillctl.workers.blas import one_blas_thread
 
 TIMEOUT = 10.0  # [s], for a scheduler to answer, and for a first worker
+LOOK = 1.0  # [s], from one look at a cluster to the next; a worker is heard of every half second
+LOOKS = 4  # that a scheduler does not answer, before the patience is lost
+LATE = (TimeoutError, asyncio.TimeoutError)
 ADDRESS = re.compile(r"([a-z]+://)?(\[[0-9a-f:]+\]|[^\s:/]+):\d{1,5}/?")
 DECIDING = ("numpy", "scipy", "pybullet")  # their versions decide the last digits
 
@@ -27,7 +33,11 @@ _one_at_a_time = threading.Lock()  # threads of one worker share standard output
 
 
 def run_on_cluster(
-    task: Callable[[Item], Result], items: Sequence[Item], scheduler: str
+    task: Callable[[Item], Result],
+    items: Sequence[Item],
+    scheduler: str,
+    patience: float,
+    waiting: Callable[[str], None] | None = None,
 ) -> Generator[tuple[int, Result | WorkerDied], None, None]:
     """Yield (position, task(item)) for every item, in the order in which they are done.
 
@@ -35,22 +45,38 @@ def run_on_cluster(
     it gives up all items of the last worker, whichever of them was the cause. These items are run again
     one at a time; an item whose worker dies then has caused it.
 
+    Args:
+        task: Picklable.
+        items: Arguments of ``task``, picklable.
+        scheduler: Its address.
+        patience: How long the scheduler, or all workers, may give no sign of life, [s]. A worker that is busy
+            gives them.
+        waiting: Called with a sentence while they give none.
+
     Raises:
         UsageError: ``scheduler`` is not an address.
         NotFoundError: Dask is not installed, no scheduler answers, or it has no worker.
-        StoreError: The cluster was lost, or a worker has another directory or other versions.
+        StoreError: The cluster was lost, or gave no sign of life for too long, or a worker has another
+            directory or other versions.
         Whatever ``task`` raises, for the first item that fails.
     """
     with _connected(scheduler) as client:
-        here = surroundings()
+        here, pulse = surroundings(), Pulse(client, scheduler, patience, waiting)
 
         def results(positions: Iterable[int]) -> Iterator[tuple[int, Result | WorkerDied]]:
-            from distributed import as_completed
-
             submit = partial(client.submit, _in_same_surroundings, here, task, pure=False)
             running = {submit(items[position]): position for position in positions}
-            for future in as_completed(list(running), loop=client.loop):
-                yield running.pop(future), _result(future)
+            finished: SimpleQueue[Any] = SimpleQueue()
+            for future in running:
+                future.add_done_callback(finished.put)
+            while running:
+                try:
+                    future = finished.get(timeout=LOOK)
+                except Empty:
+                    pulse.feel()
+                else:
+                    pulse.felt = time.monotonic()
+                    yield running.pop(future), _result(future, pulse)
 
         near_a_death = []
         for position, result in results(range(len(items))):
@@ -60,6 +86,52 @@ def run_on_cluster(
                 yield position, result
         for position in near_a_death:
             yield from results([position])
+
+
+@dataclass
+class Pulse:
+    """The signs of life of a cluster: its scheduler answers, and a worker was heard of since the last look.
+
+    The scheduler keeps connections open, and tasks waiting, when it is frozen or all workers are gone.
+    """
+
+    client: Any
+    scheduler: str
+    patience: float
+    waiting: Callable[[str], None] | None
+    felt: float = field(default_factory=time.monotonic)
+    heard: float = 0.0  # when the scheduler last heard of any worker, by its own clock
+
+    def feel(self) -> None:
+        """Look for a sign of life.
+
+        Raises:
+            StoreError: There was none for longer than the patience.
+        """
+        missing = self._missing()
+        now = time.monotonic()
+        if not missing:
+            self.felt = now
+            return
+        if self.waiting is not None:
+            self.waiting(f"waiting, {missing}")
+        if now - self.felt > self.patience:
+            raise StoreError(
+                f"the cluster gave no sign of life for {self.patience:g} s: {missing}.",
+                hint="Run the same command again when it is back; what was finished is not made again. "
+                "--patience S waits longer.",
+            )
+
+    def _missing(self) -> str:
+        try:
+            known = self.client.sync(self.client.scheduler.identity, callback_timeout=self.patience / LOOKS)
+        except (OSError, *LATE):
+            return f"the scheduler at {self.scheduler} does not answer"
+        heard = max((worker["last_seen"] for worker in known["workers"].values()), default=None)
+        if heard is None:
+            return f"the scheduler at {self.scheduler} has no worker"
+        before, self.heard = self.heard, heard
+        return "" if heard > before else "none of its workers answers"
 
 
 def surroundings() -> dict[str, str]:
@@ -92,11 +164,18 @@ def _in_same_surroundings(here: dict[str, str], task: Callable[[Item], Result], 
         return task(item)
 
 
-def _result(future: Any) -> Any:
+def _result(future: Any, pulse: Pulse) -> Any:
+    """Return what a task gave, which its worker keeps until it is asked for."""
     from distributed import KilledWorker
 
     try:
-        return future.result()
+        while True:
+            try:
+                return future.result(timeout=pulse.patience / LOOKS)
+            except LATE:
+                if future.status == "error":  # it is what the task raised
+                    raise
+                pulse.feel()
     except KilledWorker:
         return WorkerDied()
     except ModuleNotFoundError as error:
@@ -125,28 +204,43 @@ def _connected(scheduler: str) -> Iterator[Any]:
             "Dask is not installed; only --backend dask needs it.",
             hint="Install it: pip install distributed",
         ) from error
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)  # our own messages say what is wrong
-    try:
-        with _answering(Client, scheduler) as client:
-            try:
-                client.wait_for_workers(1, timeout=TIMEOUT)
-            except (TimeoutError, asyncio.TimeoutError) as error:
-                raise NotFoundError(
-                    f"the scheduler at {scheduler} has no worker.",
-                    hint=f"Start some: dask worker {scheduler}",
-                ) from error
-            yield client
-    finally:
+    with _silent(), _answering(Client, scheduler) as client:
+        try:
+            client.wait_for_workers(1, timeout=TIMEOUT)
+        except LATE as error:
+            raise NotFoundError(
+                f"the scheduler at {scheduler} has no worker.",
+                hint=f"Start some: dask worker {scheduler}",
+            ) from error
+        yield client
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Let Dask log nothing: our own messages say what is wrong.
+
+    After an exception it stays silent, because what is left of a client goes on to log tracebacks.
+    """
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    yield
+    for logger, level in zip(loggers, levels, strict=True):
         logger.setLevel(level)
 
 
-def _answering(client_class: Any, scheduler: str) -> Any:
+@contextmanager
+def _answering(client_class: Any, scheduler: str) -> Iterator[Any]:
     try:
-        return client_class(scheduler, timeout=TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TimeoutError, asyncio.TimeoutError) as error:
+        client = client_class(scheduler, timeout=TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, *LATE) as error:
         raise NotFoundError(
             f"no Dask scheduler answers at {scheduler}.",
             hint="`dask scheduler` starts one and prints its address, as in tcp://127.0.0.1:8786.",
         ) from error
+    try:
+        yield client
+    finally:
+        with suppress(*LATE):  # a scheduler that is frozen does not answer now, either
+            client.close(timeout=LOOK)

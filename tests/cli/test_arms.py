@@ -71,3 +71,39 @@ def test_what_is_no_arm_is_said_in_a_sentence(
     assert (found.exit_code, found.stdout) == (code, "")
     assert words in found.stderr
     assert "hint:" in found.stderr
+
+
+def test_only_the_command_line_lets_an_arm_read_outside_of_its_package(
+    run, library: Path, jaw: str, tmp_path: Path
+) -> None:
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    mesh = '<visual><geometry><mesh filename="package://elsewhere/m.stl"/></geometry></visual>'
+    described = (tmp_path / jaw).read_text().replace('<link name="jaw">', f'<link name="jaw">{mesh}')
+    (tmp_path / "robots" / "arm.urdf").write_text(described)
+    (tmp_path / "elsewhere" / "m.stl").write_bytes(bytes(80) + (1).to_bytes(4, "little") + bytes(50))
+    arguments = ("simulate", "reach", "--store", library, "--check", "--hand", "free")
+    refused = run(*arguments, "--arm", "robots/arm.urdf")
+    assert refused.exit_code == 5
+    assert f"outside of {tmp_path}/robots" in refused.stderr
+    assert run(*arguments, "--arm", "robots/arm.urdf", "--package", ".").exit_code == 0
+    (tmp_path / "s.toml").write_text('arm = "robots/arm.urdf"\npackage = ["."]\n')
+    by_file = run(*arguments, "--scenario", "s.toml")
+    assert (by_file.exit_code, "package: this is for the command line" in by_file.stderr) == (5, True)
+    assert "package" not in run(*arguments, "--package", ".", "--print-scenario").stdout
+
+
+def test_joints_are_learned_with_an_arm_whose_package_is_told(run, jaw: str, tmp_path: Path) -> None:
+    (tmp_path / "robots").mkdir()
+    mesh = '<visual><geometry><mesh filename="../m.stl"/></geometry></visual>'
+    described = (tmp_path / jaw).read_text().replace('<link name="jaw">', f'<link name="jaw">{mesh}')
+    (tmp_path / "robots" / "arm.urdf").write_text(described)
+    (tmp_path / "m.stl").write_bytes(bytes(80) + (1).to_bytes(4, "little") + bytes(50))
+    rows = [f"{i / 20},{i / 40},0.3,0.2,0.1,0,{i / 60}" for i in range(21)]
+    (tmp_path / "j.csv").write_text(
+        "t,l1_joint,l2_joint,l3_joint,l4_joint,l5_joint,l6_joint\n" + "\n".join(rows)
+    )
+    arguments = ("learn", "j.csv", "--units", "rad", "--preset", "fast", "--arm", "robots/arm.urdf")
+    refused = run(*arguments, "-o", "a.h5")
+    assert (refused.exit_code, (tmp_path / "a.h5").exists()) == (5, False)
+    assert run(*arguments, "-o", "a.h5", "--package", ".").exit_code == 0

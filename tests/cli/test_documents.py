@@ -36,6 +36,9 @@ RUNS = [
     ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),
     ("combine", "combine curve hook -o HERE/c.h5 --store LIBRARY --calibrate", 0),  # up to date
     ("combine", "combine curve hook -o HERE/i.h5 --store LIBRARY --gate instantaneous", 0),
+    ("chain", "chain curve hook -o HERE/n.h5 --store LIBRARY --event 1:close --within 2:1mm", 0),
+    ("combine", "combine curve hook -o HERE/n.h5 --store LIBRARY --gate sequence", 0),
+    ("verify-stability", "verify-stability HERE/n.h5", 0),
     ("adapt", "adapt HERE/task.toml curve hook -o HERE/t.h5 --store LIBRARY", 0),
     ("adapt", "adapt HERE/task.toml curve hook -o HERE/t.h5 --store LIBRARY", 0),  # up to date
     ("adapt", "adapt HERE/far.toml curve hook -o HERE/u.h5 --store LIBRARY", 1),
@@ -50,6 +53,9 @@ RUNS = [
     ("simulate", "simulate reach --store LIBRARY --demo 0 --log HERE/l.csv", 0),
     ("simulate", "simulate reach --store LIBRARY --demo 0 --check", 0),
     ("simulate", "simulate reach --store LIBRARY --target 2,0,0.5 --check", 1),
+    ("run", "run reach --store LIBRARY --log HERE/run.h5", 0),
+    ("run", "run reach --store LIBRARY --dry-run HERE/run.h5", 0),
+    ("run", "run reach --store LIBRARY --timeout 0.1", 1),
     ("quickstart", "quickstart HERE/tour", 0),
     ("ls", "ls --store LIBRARY --check", 0),
     ("ls", "ls --store HERE", 0),
@@ -67,6 +73,7 @@ RUNS = [
     ("rm", "rm a@1 --store HERE/shop", 0),
     ("export", "export curve -o HERE/a.json --store LIBRARY", 0),
     ("export", "export curve -o HERE/a.mat --store LIBRARY", 0),
+    ("export", "export curve -o HERE/a.h --check --store LIBRARY", 0),
     ("schema", "schema", 0),
     ("schema", "schema error", 0),
     ("completion", "completion bash", 0),

@@ -387,6 +387,29 @@ main()
 
 
 @pytest.mark.parametrize(("number", "code", "word"), [(2, 130, "interrupted"), (15, 143, "terminated")])
+def test_a_signal_while_an_object_is_removed_is_not_lost(tmp_path, number, code, word):
+    """Python ignores what is raised then, and prints a traceback."""
+    removing = f"""
+import os, sys, time
+from skillctl import __main__
+class Removed:
+    def __del__(self):
+        os.kill(os.getpid(), {number})
+def run():
+    Removed()
+    time.sleep(30)
+__main__._run = run
+sys.argv = ["skillctl", "ls", "--json"]
+__main__.main()
+"""
+    command = [sys.executable, "-c", removing]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (code, "")
+    told = json.loads(result.stderr)
+    assert (told["code"], told["message"]) == (code, f"{word}.")
+
+
+@pytest.mark.parametrize(("number", "code", "word"), [(2, 130, "interrupted"), (15, 143, "terminated")])
 @pytest.mark.parametrize("module", ["skillctl.cli.app", "skillctl.usecases.ls"])
 def test_a_signal_while_modules_are_loaded_is_no_verdict(tmp_path, module, number, code, word):
     command = [sys.executable, "-c", STOPPED_WHILE_LOADING, module, str(number)]

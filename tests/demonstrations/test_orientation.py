@@ -292,6 +292,17 @@ def test_tum_trajectories_are_poses(write) -> None:
     assert apart(turned(result.demonstrations)) <= 10 * WRITTEN
 
 
+def test_reversed_poses_turn_back_to_where_they_began(read_text) -> None:
+    result = read_text(table("t,x,y,z,qx,qy,qz,qw", QUATERNIONS), reverse=True)
+    (demonstration,) = result.demonstrations
+    assert np.abs(demonstration.positions[:, :3] - MOTION[::-1]).max() <= WRITTEN
+    found = Rotation.from_rotvec(np.array(demonstration.positions[:, 3:]))
+    assert apart(found, TURNED[::-1]) <= 10 * WRITTEN
+    ahead = (TURNED[::-1][1:] * TURNED[::-1][:-1].inv()).as_rotvec() / np.diff(TIMES)[:, None]
+    between = 0.5 * (ahead[1:] + ahead[:-1])  # of turns about nearly one axis, the central difference
+    assert np.abs(demonstration.velocities[1:-1, 3:] - between).max() <= 1e-3 * np.abs(between).max()
+
+
 # -------------------------------------------------------------------------------------------- refusals
 
 

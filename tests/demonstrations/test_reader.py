@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, NotFoundError, UsageError
@@ -247,6 +248,55 @@ def test_velocities_and_places_follow_the_rows_that_stay(write, save_npz) -> Non
         read_demonstrations([write("t,x\n0,1\n0,1\n2,2\n1,3\n")])
     notes = read_demonstrations([write("t,x\n0,1\n0,1\n1,2\n2,3\n9,4\n10,5\n11,6\n")]).notes
     assert notes[1].endswith("after line 5.")
+
+
+def test_reversed_recordings_run_back_to_where_they_began(write, save_npz) -> None:
+    times, positions = [3.0, 4, 6, 7], [0.0, 1, 5, 8]
+    (demonstration,) = read_demonstrations([write(table(times, positions))], reverse=True).demonstrations
+    assert demonstration.times.tolist() == [0, 1, 3, 4]
+    assert demonstration.positions.ravel().tolist() == [8, 5, 1, 0]
+    assert demonstration.velocities.ravel().tolist() == np.gradient([8.0, 5, 1, 0], [0.0, 1, 3, 4]).tolist()
+    measured = save_npz(
+        positions=np.array([[0.0], [0], [1], [5]]),
+        velocities=np.array([[1.0], [1], [2], [4]]),
+        times=np.array([0.0, 0, 1, 3]),
+    )
+    (demonstration,) = read_demonstrations([measured], reverse=True, units="cm", scale=2.0).demonstrations
+    assert demonstration.times.tolist() == [0, 2, 3]
+    assert demonstration.velocities.ravel().tolist() == [-0.08, -0.04, -0.02]
+
+
+def test_of_reversed_joints_the_hand_goes_back(write) -> None:
+    arm = RecordedArm(
+        "arm", "hand", ("j1", "j2"), (-3.0,) * 2, (3.0,) * 2, lambda q: np.c_[np.cos(q), q[:, :1]]
+    )
+    path = write("t,j1,j2\n0,0,1\n1,0.5,1\n3,1,0\n")
+    (demonstration,) = read_demonstrations([path], arm=arm, reverse=True).demonstrations
+    assert demonstration.times.tolist() == [0, 2, 3]
+    assert demonstration.positions[:, 2].tolist() == [1, 0.5, 0]
+    assert demonstration.positions[-1, :2] == pytest.approx([1, np.cos(1)], abs=1e-15)
+
+
+def test_a_reversed_recording_is_judged_as_it_was_recorded(write) -> None:
+    twice = 2 * np.linspace(0, 1, 20).tolist()
+    path = write(table(np.arange(40.0).tolist(), twice))
+    forwards, reverse = read_demonstrations([path]).faults, read_demonstrations([path], reverse=True).faults
+    assert forwards[0] == reverse[0]
+    assert "back to its start, at line 22" in reverse[0].sentence
+    backwards = write(table([0.0, 2, 1], [0.0, 1, 2]), "clock.csv")
+    with pytest.raises(InputDataError, match="line 4: time stamp 1 s follows 2 s"):
+        read_demonstrations([backwards], reverse=True)
+
+
+def test_recordings_that_begin_apart_end_apart_when_they_are_reversed(write) -> None:
+    there = np.linspace(0, 1, 20)
+    paths = [
+        write(table(np.arange(20.0).tolist(), (start + (1 - start) * there).tolist()), f"{n}.csv")
+        for n, start in enumerate([0.0, 0.01, 0.0, 0.6])
+    ]
+    assert not read_demonstrations(paths).faults
+    (fault,) = read_demonstrations(paths, reverse=True).faults
+    assert (fault.kind, fault.demo) == ("ends", 3)
 
 
 def test_a_gap_in_time_is_reported_with_its_place(write) -> None:

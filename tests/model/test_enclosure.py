@@ -124,7 +124,7 @@ def test_slopes_are_bounded_over_any_stretch_and_exactly_over_a_long_one(make_sh
     t = np.linspace(-3, 3, 20_001)  # of x; w·x is twice that, and the bumps span −2 to 2 of it
     added = link.forward(np.c_[t, 0 * t])[:, 1]
     slopes = np.diff(added) / np.diff(2 * t)
-    (shear,) = link._shears
+    (shear,) = link.shears
     for middle, reach in ((0.0, 6.0), (0.3, 0.2), (-1.0, 0.5), (1.9, 0.01), (4.0, 0.5), (-2.1, 0.3)):
         inside = slopes[np.abs(t[1:] + t[:-1] - middle) <= reach]
         least, most = (bound[0, 1] for bound in shear.slope_bounds(np.array([middle]), np.array([reach])))

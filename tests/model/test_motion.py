@@ -16,6 +16,7 @@ from skillctl.model.rollout import ARRIVAL_DISTANCE, arrival_distance_of, rollou
 from skillctl.model.seds import SedsSkill
 from skillctl.model.skill import extent
 from skillctl.model.space import Euclidean
+from skillctl.model.stepper import CLOSE, _within
 
 EPS = np.finfo(float).eps
 
@@ -262,3 +263,18 @@ def test_a_moved_aligned_skill_selects_the_same_parts(two_ways):
     moved = retargeted(aligned, [3.0, -2.0])
     starts = np.random.default_rng(3).uniform(-1, 1, (50, 2))
     assert (moved.part_at(starts + np.array([3.0, -2.0])) == aligned.part_at(starts)).all()
+
+
+@pytest.mark.parametrize("full", [1 + 1e-9, 1.5, 42.0, 1e6])
+@pytest.mark.parametrize("bend", [-0.4, -0.1, 0.0, 3.0])
+def test_the_share_of_a_step_that_keeps_a_cap_is_found_in_a_few_trials(full, bend):
+    """What a share s takes is full · s (1 + bend s) / (1 + bend), which rises."""
+    tried = []
+
+    def taken(share):
+        tried.append(share)
+        return full * share * (1 + bend * share) / (1 + bend)
+
+    share = _within(taken)
+    assert 1 - CLOSE <= taken(share) <= 1
+    assert len(tried) <= 12  # bisection to one part in 10¹⁰ needs more than thirty

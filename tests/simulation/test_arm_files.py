@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -355,8 +359,9 @@ def shaped(name: str) -> str:
     ("name", "at", "variable"),
     [
         ("m.stl", "robots/m.stl", None),
-        ("..\\m.stl", "m.stl", None),
-        ("package://arm_description/meshes/m.stl", "arm_description/meshes/m.stl", None),
+        ("meshes\\m.stl", "robots/meshes/m.stl", None),
+        ("package://robots/meshes/m.stl", "robots/meshes/m.stl", None),
+        ("package://arm_description/meshes/m.stl", "robots/arm_description/meshes/m.stl", None),
         ("package://arm_description/m.stl", "ws/arm_description/m.stl", ("ROS_PACKAGE_PATH", "ws")),
         ("package://arm_description/m.stl", "ws/src/arm_description/m.stl", ("ROS_PACKAGE_PATH", "ws")),
         ("package://arm_description/m.stl", "ws/share/arm_description/m.stl", ("AMENT_PREFIX_PATH", "ws")),
@@ -404,6 +409,115 @@ def test_a_mesh_is_said_for_what_it_is(
         find_arm(str(write(shaped(name))))
     assert said in str(refusal.value)
     assert hint in refusal.value.hint
+
+
+PICTURED = b"mtllib %s\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nusemtl m\nf 1//1 2//1 3//1\n"
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Path:
+    """A folder with a mesh, materials and pictures, of which no URDF file is told."""
+    (folder := tmp_path / "elsewhere").mkdir()
+    (folder / "m.stl").write_bytes(TRIANGLE)
+    (folder / "m.mtl").write_text("newmtl m\n")
+    (folder / "m.png").write_bytes(b"\x89PNG\r\n")
+    (folder / "data").mkdir()
+    (folder / "data" / "d.png").write_bytes(b"\x89PNG\r\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "name", ["{0}/m.stl", "file://{0}/m.stl", "../elsewhere/m.stl", "package://elsewhere/m.stl", "link.stl"]
+)
+def test_meshes_outside_of_the_package_are_read_if_that_is_told(
+    write: Write, elsewhere: Path, name: str
+) -> None:
+    path = write(shaped(name.format(elsewhere)), "robots/robot.urdf")
+    (path.parent / "link.stl").symlink_to(elsewhere / "m.stl")
+    said = f"which is {elsewhere}/m.stl, outside of {path.parent}"
+    with pytest.raises(InputDataError, match=said) as refusal:
+        find_arm(str(path))
+    assert f"--package {elsewhere}" in refusal.value.hint
+    assert f'"{elsewhere}/m.stl"' in find_arm(str(path), packages=(str(elsewhere),)).text
+
+
+@pytest.mark.parametrize("name", ["../meshes/m.stl", "package://arm/meshes/m.stl"])
+def test_a_package_is_the_folder_of_its_manifest(write: Write, tmp_path: Path, name: str) -> None:
+    path = write(shaped(name), "arm/urdf/robot.urdf")
+    (tmp_path / "arm" / "meshes").mkdir()
+    (tmp_path / "arm" / "meshes" / "m.stl").write_bytes(TRIANGLE)
+    with pytest.raises(InputDataError, match=r"outside of .*/arm/urdf"):
+        find_arm(str(path))
+    (tmp_path / "arm" / "package.xml").write_text("<package/>")
+    path.write_text(path.read_text() + "\n")  # what was refused is not remembered, but what is read may be
+    assert str(tmp_path / "arm" / "meshes" / "m.stl") in find_arm(str(path)).text
+
+
+@pytest.mark.parametrize(
+    ("materials", "picture", "said"),
+    [
+        (b"../elsewhere/m.mtl", b"", "'m.obj, with ../elsewhere/m.mtl', which is {0}/m.mtl, outside of"),
+        (b"/../elsewhere/m.mtl", b"", "which is {0}/m.mtl, outside of"),
+        (b"link.mtl", b"", "'m.obj, with link.mtl', which is {0}/m.mtl, outside of"),
+        (b"own.mtl", b"map_Kd ../elsewhere/m.png\n", "which is {0}/m.png, outside of"),
+        (b"own.mtl", b"#" * 1023 + b"map_Kd ../elsewhere/m.png \r\n", "which is {0}/m.png, outside of"),
+        (b"own.mtl", b"map_Kd m.png\n", "which is {0}/m.png, outside of"),  # in the working directory
+        (b"own.mtl", b"map_Kd d.png\n", "which is {0}/data/d.png, outside of"),
+        (b"m" * 300, b"", "which names no file"),
+        (b"none.mtl", b"", None),
+        (b"own.mtl", b"map_Kd none.png\n", None),
+        (b"own.mtl", b"# map_Kd m.png\nKd 1 0 0\n", None),
+        (b"own.mtl", b"map_Kd own.png\n", None),
+    ],
+)
+def test_what_a_mesh_names_lies_in_the_package(
+    write: Write,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    materials: bytes,
+    picture: bytes,
+    said: str | None,
+) -> None:
+    monkeypatch.chdir(elsewhere)
+    path = write(shaped("m.obj"), "robots/robot.urdf")
+    (path.parent / "m.obj").write_bytes(PICTURED % materials)
+    (path.parent / "own.mtl").write_bytes(b"newmtl m\n" + picture)
+    (path.parent / "own.png").write_bytes(b"\x89PNG\r\n")
+    (path.parent / "link.mtl").symlink_to(elsewhere / "m.mtl")
+    if said is None:
+        assert find_arm(str(path)).n_joints == 6
+        return
+    with pytest.raises(InputDataError, match=said.format(elsewhere)):
+        find_arm(str(path))
+
+
+def test_the_picture_of_a_material_of_the_file_is_not_read(write: Write) -> None:
+    arm = find_arm(str(write('<material name="m"><texture filename="/etc/passwd"/></material>' + ARM)))
+    assert "passwd" not in arm.text
+
+
+OPENS = "import sys; from skillctl.simulation.urdf import find_arm; find_arm(sys.argv[1])"
+
+
+@pytest.mark.skipif(shutil.which("strace") is None, reason="sees with strace which files are opened")
+def test_bullet_opens_nothing_outside_of_the_package(write: Write, elsewhere: Path, tmp_path: Path) -> None:
+    """Our scan of a mesh and Bullet's reader could disagree about what the mesh names."""
+    meshes = "".join(
+        f'<visual><geometry><mesh filename="{name}.obj"/></geometry></visual>' for name in ("m", "n")
+    )
+    path = write(ARM.replace(link("l6"), link("l6", BODY + meshes)), "robots/robot.urdf")
+    (path.parent / "m.obj").write_bytes(PICTURED % b"own.mtl")
+    (path.parent / "n.obj").write_bytes(PICTURED % f"{elsewhere}/m.mtl".encode())  # is not found there
+    (path.parent / "own.mtl").write_bytes(
+        b"newmtl m\n# map_Kd m.png\nmap_Ka ../elsewhere/m.png\nmap_Kd own.png\n"
+    )
+    (path.parent / "own.png").write_bytes(b"\x89PNG\r\n")
+    log = tmp_path / "log"
+    command = ["strace", "-f", "-e", "trace=open,openat", "-o", log, sys.executable, "-c", OPENS, path]
+    subprocess.run(command, cwd=elsewhere, check=True)
+    opened = [line for line in log.read_text().splitlines() if "ENOENT" not in line]
+    assert [line for line in opened if f'"{path.parent}/own.png"' in line]
+    assert not [line for line in opened if re.search(r"/?elsewhere/|\bm\.(png|mtl|stl)", line)]
 
 
 def test_a_template_is_said_for_what_it_is(tmp_path: Path) -> None:

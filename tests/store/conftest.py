@@ -16,10 +16,12 @@ import pytest
 
 from skillctl import store
 from skillctl.errors import ArtifactError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.coordinates.shears import Shears
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.golden import GoldenMotions
 from skillctl.model.merged import MergedSkill
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.pose import Pose
@@ -80,13 +82,13 @@ RECORDED = {  # by kind of skill: the command that makes it, and what that canno
     SedsSkill: ("learn", {"converged": True, "notes": ("two starts agree", "the fit ran out of steps")}),
     MergedSkill: ("merge", {"lyapunov": "shared"}),
     CombinedSkill: ("combine", {"kept": (1.0, 0.5)}),
+    ChainedSkill: ("chain", {}),
 }
 
 
-def parent(number: int) -> store.ParentRecord:
+def parent(number: int, role: str) -> store.ParentRecord:
     """The record of a part."""
     digest = "1" * 64 if number == 1 else f"{number:064x}"
-    role = "part" if number == 1 else f"part {number}"
     return store.ParentRecord(name="reach", version=2 + number, digest=f"sha256:{digest}", role=role)
 
 
@@ -94,9 +96,12 @@ def wrapped(skill: Skill, *, without: tuple[int, ...] = ()) -> store.Artifact:
     """The artifact of a skill whose leaves keep demonstrations, except those listed."""
     sets = tuple(None if leaf in without else taught(leaf, skill.space) for leaf in range(len(skill.leaves)))
     command, results = RECORDED[type(skill)]
+    role = "stage" if command == "chain" else "part"
     provenance = store.Provenance(
         inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
-        parents=tuple(parent(number) for number in range(1, max(1, len(skill.parts)) + 1)),
+        parents=tuple(
+            parent(number, f"{role} {number}") for number in range(1, max(1, len(skill.parts)) + 1)
+        ),
         tool="0.1.0",
         libraries={"numpy": "2.0.0"},
     )
@@ -141,6 +146,8 @@ def skills() -> dict[str, Skill]:
     combined = CombinedSkill(
         (nested, seds(4, attractor=(3, 4))), np.array([0.5, 0.5]), "instantaneous", 0.1, 0.9
     )
+    regions = (seds(6, m=2).density, seds(7, m=5).density)
+    regional = CombinedSkill((a, c), np.array([0.25, 0.75]), regions=regions)
     return {
         "seds": a,
         "one component": b,
@@ -149,9 +156,7 @@ def skills() -> dict[str, Skill]:
         "nested merged": nested,
         "combined": CombinedSkill((a, c), np.array([0.25, 0.75])),
         "combined of merged": combined,
-        "combined with regions": CombinedSkill(
-            (a, c), np.array([0.25, 0.75]), regions=(seds(6, m=2).density, seds(7, m=5).density)
-        ),
+        "combined with regions": regional,
         "bent": bent(a),
         "bent merged": MergedSkill((bent(a), bent(b)), np.array([0.3, 0.7])),
         "pose": pose(1),
@@ -160,6 +165,17 @@ def skills() -> dict[str, Skill]:
             (bent_pose(pose(3)), pose(4, target=(0.5, 0, 0, 0, 0, -1.0))),
             np.array([0.5, 0.5]),
             regions=(pose(6).density, pose(7, m=5).density),
+        ),
+        "chain": ChainedSkill((a, b), np.array([1e-4, 0.1]), (("close", "wait 0.5"), ())),
+        "chain of one": ChainedSkill((merged,), np.array([2.5e-3]), ((),), "back", 0.0625),
+        "chain of all": ChainedSkill(
+            (regional, bent(a), CombinedSkill((b, c), np.array([0.5, 0.5])), nested, regional),
+            np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
+            (("open",), (), ("wait 0.25", "close", "beep-2"), (), ("open",)),
+            "back",
+        ),
+        "chain of poses": ChainedSkill(
+            (bent_pose(pose(1)), pose(2, target=(0.5, 0, 0, 0, 0, 1.0))), np.array([1e-4, 1e-4]), ((), ())
         ),
         "bent and plain": CombinedSkill((bent(seds(5, d=6)), seds(6, d=6)), np.array([0.25, 0.75])),
     }
@@ -209,7 +225,10 @@ def merged() -> MergedSkill:
 @pytest.fixture(scope="session")
 def nested() -> store.Artifact:
     """The artifact with the most in it: a combined skill of a merged skill of a merged skill."""
-    return wrapped(SKILLS["combined of merged"], without=(1,))
+    skill = SKILLS["combined of merged"]
+    states = np.random.default_rng(3).normal(size=(2, 5, skill.dimension))
+    golden = GoldenMotions(0.25 * np.arange(5.0), states)
+    return replace(wrapped(skill, without=(1,)), golden=golden)
 
 
 @pytest.fixture(scope="session")
@@ -223,7 +242,7 @@ def digest_by_the_page(body: bytes, version: int = 2) -> str:
     with h5py.File(BytesIO(b"\0" * 512 + body)) as file:
         paths = []
         file.visititems(lambda path, item: paths.append(path) if isinstance(item, h5py.Dataset) else None)
-        for path in sorted(paths):
+        for path in sorted(path for path in paths if not path.startswith("golden/")):
             array = file[path][()]
             shape = ",".join(str(n) for n in array.shape)
             kind = {"float64": "<f8", "int64": "<i8", "uint8": "<u1"}[str(array.dtype)]

@@ -11,7 +11,12 @@ def test_the_header_states_kind_digest_and_size(artifact, tmp_path):
     data = store.encode(artifact)
     (path := tmp_path / "skill.h5").write_bytes(data)
     header = store.read_header(path)
-    kinds = {"SedsSkill": "seds", "MergedSkill": "merged", "CombinedSkill": "combined"}
+    kinds = {
+        "SedsSkill": "seds",
+        "MergedSkill": "merged",
+        "CombinedSkill": "combined",
+        "ChainedSkill": "chain",
+    }
     assert header.kind == kinds[type(artifact.skill).__name__]
     assert header.digest == artifact.digest
     assert header.body_bytes == len(data) - 512

@@ -99,7 +99,7 @@ def test_metadata_is_strict_json(refuse, with_meta, text, cause):
     ('"importer": "csv"', '"importer": ""', "importer"),
     ('"version": 3', '"version": 0', "version"),
     ('"version": 3', '"version": 1000000', "version"),
-    ('"role": "part"', '"role": ""', "role"),
+    ('"role": "part 1"', '"role": ""', "role"),
     (f'"digest": "sha256:{"1" * 64}"', f'"digest": "{"1" * 64}"', "digest"),
     ('"numpy": "2.0.0"', '"numpy": 2', "libraries"),
     ('"tool": "0.1.0"', '"tool": ""', "provenance.tool"),

@@ -9,6 +9,8 @@ import pytest
 from skillctl import store
 from skillctl.model.combined import CombinedSkill
 
+REFUSED = "/regions/part: must number all parts of a combined skill, in order"
+
 
 def regions(**instead):
     """An edit that gives each of the good skill's two parts a region of one Gaussian and of two."""
@@ -37,10 +39,10 @@ def test_they_decide_which_part_acts(hostile):
 @pytest.mark.parametrize(
     ("instead", "cause"),
     [
-        ({"part": np.array([0, 0, 0])}, "/regions/part: must be all numbers below 2, in order"),
-        ({"part": np.array([1, 0, 1])}, "/regions/part: must be all numbers below 2, in order"),
-        ({"part": np.array([0, 1, 2])}, "/regions/part: must be all numbers below 2, in order"),
-        ({"part": np.array([-1, 0, 1])}, "/regions/part: must be all numbers below 2, in order"),
+        ({"part": np.array([0, 0, 0])}, REFUSED),
+        ({"part": np.array([1, 0, 1])}, REFUSED),
+        ({"part": np.array([0, 1, 2])}, REFUSED),
+        ({"part": np.array([-1, 0, 1])}, REFUSED),
         ({"priors": np.array([1.0, 0.25, 0.5])}, "regions: priors: must be positive and sum to one"),
         ({"covariances": np.zeros((3, 2, 2))}, "regions: covariances: must be positive definite"),
         ({"means": None}, "/regions/means: missing"),
@@ -53,8 +55,11 @@ def test_others_are_refused(refuse, hostile, instead, cause):
     refuse(hostile(regions(**instead)), cause)
 
 
-def test_a_skill_of_one_part_has_none(refuse, reseal, wrap, make_seds):
+def test_a_skill_without_a_combined_one_has_none(refuse, reseal, wrap, make_seds):
     file = BytesIO(store.encode(wrap(make_seds(1))))
     with h5py.File(file, "r+") as body:
         regions()(body)
-    refuse(reseal(file.getvalue()[512:], "seds"), "/regions: a skill of kind seds has none")
+    refuse(
+        reseal(file.getvalue()[512:], "seds"),
+        "/regions: there is no combined skill that they could belong to",
+    )

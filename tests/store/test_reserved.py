@@ -8,12 +8,6 @@ from skillctl import store
 from skillctl.store import errors, layout
 
 
-def chain(meta, **instead):
-    skill = {"kind": "chain", "parts": [meta["skill"]], "levels": [0.01], "events": [["close", "wait 0.5"]]}
-    operation = {**meta["operation"], "command": "chain"}
-    return {**meta, "skill": {**skill, **instead}, "operation": operation}
-
-
 def gated(meta, gate="avoiding"):
     return {**meta, "skill": {**meta["skill"], "gate": gate}}
 
@@ -24,6 +18,16 @@ def gated_below(meta):
     return {**meta, "skill": {**meta["skill"], "parts": [first, *others]}}
 
 
+def chained(meta):
+    skill = {"kind": "chain", "parts": [gated(meta)["skill"]], "levels": [0.1], "events": [[]]}
+    operation = {**meta["operation"], "command": "python"}
+    return {
+        **meta,
+        "skill": {**skill, "on_jump": "stay", "disturbance_distance": 0.02},
+        "operation": operation,
+    }
+
+
 def stored(meta) -> bytes:
     return json.dumps(meta).encode()
 
@@ -31,10 +35,11 @@ def stored(meta) -> bytes:
 @pytest.mark.parametrize(
     ("change", "used"),
     [
-        (chain, "a chain of skills and the command chain"),
         (gated, "the gate avoiding"),
         (lambda meta: gated(meta, "experts"), "the gate experts"),
         (gated_below, "the gate latched"),
+        (lambda meta: gated(gated_below(meta)), "the gate avoiding and the gate latched"),
+        (chained, "the gate avoiding"),
     ],
 )
 def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, used):
@@ -44,30 +49,8 @@ def test_reserved_metadata_is_refused_by_name(refuse, with_meta, meta, change, u
 
 def test_the_hint_is_to_upgrade(with_meta, meta):
     with pytest.raises(errors.LaterFeatureError) as caught:
-        store.decode(with_meta(stored(chain(meta))))
+        store.decode(with_meta(stored(gated(meta))))
     assert caught.value.hint == "Upgrade skillctl."
-
-
-@pytest.mark.parametrize(
-    ("instead", "cause"),
-    [
-        ({"levels": []}, "levels"),
-        ({"levels": [0.1, 0.1]}, "expected one a part"),
-        ({"levels": [0]}, "levels.0"),
-        ({"events": []}, "expected one a part"),
-        ({"events": [["Close"]]}, "events.0.0"),
-        ({"events": [["wait -1"]]}, "events.0.0"),
-        ({"events": [["wait 0.5\n"]]}, "events.0.0"),
-        ({"parts": []}, "parts"),
-    ],
-)
-def test_the_layout_of_a_chain(refuse, with_meta, meta, instead, cause):
-    refuse(with_meta(stored(chain(meta, **instead))), cause)
-
-
-def test_a_chain_is_no_part(refuse, with_meta, meta):
-    inner = chain(meta)["skill"]
-    refuse(with_meta(stored(chain(meta, parts=[inner]))), "skill.chain.parts.0")
 
 
 @pytest.mark.parametrize("path", [path for path, spec in layout.ARRAYS.items() if spec.since > 1])

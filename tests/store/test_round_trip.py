@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from skillctl import store
 from skillctl.errors import InvalidModelError, StoreError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.merged import MergedSkill
 from skillctl.model.seds import SedsSkill
@@ -46,6 +47,9 @@ def exact(skill):
             skill.speed.hex(),
         )
         return ("merged", parts, *numbers)
+    if isinstance(skill, ChainedSkill):
+        jumps = skill.on_jump, skill.disturbance_distance.hex()
+        return ("chain", parts, skill.levels.tobytes(), skill.events, *jumps)
     numbers = (skill.part_priors.tobytes(), skill.gate, skill.disturbance_distance.hex(), skill.speed.hex())
     regions = [a.tobytes() for r in skill.regions for a in (r.priors, r.means, r.covariances)]
     return ("combined", parts, *numbers, regions)
@@ -77,6 +81,7 @@ def test_writing_what_was_read_gives_the_same_bytes(artifact):
 
 
 positive = st.floats(1e-3, 1e3)
+happens = st.sampled_from(["close", "open", "wait 0.5", "wait 12", "a-b_c"])
 shares = st.lists(positive, min_size=1, max_size=3).map(lambda w: np.array(w) / np.sum(w))
 
 
@@ -103,12 +108,22 @@ def skill_trees(draw, make_seds):
         parameters = {"sharpness": draw(st.floats(1, 9))} if gate == "experts" else {}
         return MergedSkill(parts, weights, gate, draw(positive), parameters)
 
-    if draw(st.booleans()):
+    def combined(gate):
+        priors = draw(shares)
+        parts = tuple(part(2) for _ in priors)
+        return CombinedSkill(parts, priors, gate, draw(positive), draw(positive))
+
+    kind = draw(st.sampled_from(["part", "combined", "chain"]))
+    if kind == "part":
         return part(2)
-    priors = draw(shares)
-    parts = tuple(part(2) for _ in priors)
-    gate = draw(st.sampled_from(["latched", "instantaneous"]))
-    return CombinedSkill(parts, priors, gate, draw(positive), draw(positive))
+    if kind == "combined":
+        return combined(draw(st.sampled_from(["latched", "instantaneous"])))
+    levels = draw(st.lists(positive, min_size=1, max_size=3))
+    stages = tuple(combined("latched") if draw(st.booleans()) else part(2) for _ in levels)
+    events = tuple(tuple(draw(st.lists(happens, max_size=3))) for _ in levels)
+    return ChainedSkill(
+        stages, np.array(levels), events, draw(st.sampled_from(["stay", "back"])), draw(positive)
+    )
 
 
 @settings(max_examples=40, deadline=None)

@@ -52,3 +52,11 @@ def test_the_reader_decides_definiteness_exactly(tmp_path):
 def test_scenarios_with_extreme_numbers_end(tmp_path):
     skill = Path(__file__).parents[2] / "skills" / "top-centre" / "1.h5"
     assert "\n0 broke a rule" in command("scenarios", skill, "--stride", 73, folder=tmp_path)
+
+
+def test_what_random_commands_say_is_true_whatever_happens_to_them(tmp_path):
+    said = command("soak", "--seconds", 10, "--users", 4, "--pause", 5, folder=tmp_path)
+    counts = {what: int(n) for what, n in re.findall(r"^(.+): (\d+)$", said, re.MULTILINE)}
+    assert counts["looks at the store"] >= 1
+    assert counts["exit code 0"] > 0
+    assert counts["versions read"] > 0

@@ -16,6 +16,7 @@ import numpy as np
 
 from skillctl import store
 from skillctl.errors import ArtifactError, InputDataError, InvalidModelError, SkillctlError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.stability.certificate import certify
 from skillctl.store.errors import InvalidArtifactError, Refusal
@@ -23,7 +24,9 @@ from skillctl.store.errors import InvalidArtifactError, Refusal
 SEAL = 512
 NAME = "spoiled.h5"
 CPU_LIMIT = 1.0  # [s] for reading one small file
-HOLDS = re.compile(r"states (a kind|a digest) of \S+, but it holds (seds|merged|combined|sha256:\w{64})")
+HOLDS = re.compile(
+    r"states (a kind|a digest) of \S+, but it holds (seds|merged|combined|chain|sha256:\w{64})"
+)
 MESSAGE_LIMIT = 500  # characters
 DISTANCES = (0.0, 1e-9, 1.0, 1e9, 1e99, 1e200)  # from the attractor, at which there are gates and a density
 
@@ -179,6 +182,8 @@ def _require_rules(skill: Skill) -> None:
             known, gates = leaf.density.log_density(places), leaf.responsibilities(places)
         if not (np.isfinite(known).all() and np.isfinite(gates).all()):
             raise Broken(UNSOUND, f"density {known} and gates {gates} away from the attractor")
+    if isinstance(skill, ChainedSkill):
+        _require_chain(skill)
     for name, matrices in _matrices(skill):
         if (matrices != matrices.swapaxes(1, 2)).any() or not (np.einsum("kii->ki", matrices) > 0).all():
             raise Broken(UNSOUND, f"{name}: {matrices}")
@@ -186,6 +191,21 @@ def _require_rules(skill: Skill) -> None:
         # Definite but for rounding: the smallest singular value with its sign, in units of the largest entry.
         if np.linalg.eigh(scaled)[0].min() < -16 * np.finfo(float).eps:
             raise Broken(UNSOUND, f"{name}: {matrices}")
+
+
+def _require_chain(skill: ChainedSkill) -> None:
+    """What the page says of a chain: one level and list of events a stage, and which stages there are."""
+    if not len(skill.parts) == len(skill.levels) == len(skill.events):
+        raise Broken(UNSOUND, f"{len(skill.parts)} stages, levels {skill.levels}, events {skill.events}")
+    if not all(0 < float(level) < float("inf") for level in skill.levels):
+        raise Broken(UNSOUND, f"levels {skill.levels}")
+    if any(stage.kind == "chain" or stage.gate == "instantaneous" for stage in skill.parts):
+        raise Broken(UNSOUND, "a stage is a chain or instantaneous")
+    if skill.on_jump not in ("stay", "back") or not 0 < skill.disturbance_distance < float("inf"):
+        raise Broken(UNSOUND, f"on a jump of {skill.disturbance_distance}: {skill.on_jump}")
+    for event in (event for events in skill.events for event in events):
+        if not re.fullmatch(r"[a-z][a-z0-9_-]{0,63}( [0-9.]{1,16})?", event):
+            raise Broken(UNSOUND, f"event {event!r}")
 
 
 def _require_writable(artifact: store.Artifact) -> None:

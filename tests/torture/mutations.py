@@ -125,7 +125,7 @@ def structure(rng: Random, data: bytes, _: list[bytes]) -> bytes:
 
 HEADERS = (
     b"", b"\0", b" ", b"\n", b"-1", b"0", b"1", b"2", b"01", b"1.0", b"99999999999", b"seds", b"merged",
-    b"combined", b"sha256:", b"\x89SKILL", b"\xff",
+    b"combined", b"chain", b"sha256:", b"\x89SKILL", b"\xff",
 )  # fmt: skip
 
 

@@ -7,10 +7,14 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from skillctl import store
 from skillctl.compose.options import CombineOptions, MergeOptions
 from skillctl.learning.options import LearnOptions
+from skillctl.model.chained import ChainedSkill
 from skillctl.usecases.combine import combine
+from skillctl.usecases.files import save
 from skillctl.usecases.learn import learn
 from skillctl.usecases.merge import merge
 
@@ -79,6 +83,14 @@ def make(folder: Path) -> dict[str, bytes]:
     combined("combined instantaneous", [a, b], gate="instantaneous")
     combined("combined instantaneous aligned", [a, b], gate="instantaneous", align=True)
     combined("combined of merged", [nested, b], part_priors=(0.25, 0.75))
+    chain = ChainedSkill(
+        tuple(
+            store.read_skill(made[what]).skill for what in ("seds 2-D", "combined latched", "merged density")
+        ),
+        np.array([1e-5, 1e-4, 1e-3]),
+        (("close", "wait 0.5"), (), ("open",)),
+    )
+    made["chain"] = save(chain, folder / "chain.h5")
     archive = Path(__file__).parents[1] / "archives" / "v1"
     made["format 1 combined"] = archive / "combined-by-command.h5"
     made["format 1 experts"] = archive / "merged.h5"

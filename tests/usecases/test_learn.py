@@ -171,6 +171,18 @@ def test_the_artifact_says_where_it_comes_from(curve_files, tmp_path):
         assert np.array_equal(motion.positions[-1], artifact.skill.attractors[0])
 
 
+def test_a_reversed_approach_is_a_retreat(reach_files, tmp_path):
+    report = learn(reach_files, output=tmp_path / "a.h5", options=FAST, reading=Reading(reverse=True))
+    artifact = read_skill(tmp_path / "a.h5")
+    assert artifact.operation.options["reverse"] is True
+    assert report.attractor == pytest.approx((0.4, 0.02, 0.5), abs=2e-3)  # the median of where they began
+    for motion, shown in zip(artifact.demonstrations[0], report.demonstrations, strict=True):
+        assert np.linalg.norm(motion.positions[0] - (0.6, 0.1, 0.5)) < 0.03  # moved, for the ends are not one
+        assert shown.arrived
+        assert shown.dtw < 5e-3
+    assert learn(reach_files, output=tmp_path / "a.h5", options=FAST).status == "learned"
+
+
 def test_the_proof_holds_for_what_is_stored_not_for_what_was_in_memory(curve_files, tmp_path):
     report = learn(curve_files, output=tmp_path / "a.h5", options=FAST)
     again = certify(read_skill(tmp_path / "a.h5").skill)

@@ -218,7 +218,7 @@ def test_a_scheduler_that_does_not_answer_is_not_found(monkeypatch: pytest.Monke
 
 
 def test_a_dead_worker_costs_its_skill_only(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def with_a_death(self, task, items, *, done=None, isolated=False):
+    def with_a_death(self, task, items, *, done=None, waiting=None, isolated=False):
         results = [WorkerDied(), *map(task, items[1:])]
         for position in reversed(range(len(results))):
             done(position, results[position])

@@ -49,6 +49,7 @@ def _refuse(item: str) -> None:
         ((None, "processes", None), Workers(1)),
         ((4, "processes", None), Workers(4)),
         ((None, "dask", "tcp://a:1"), Workers(scheduler="tcp://a:1")),
+        ((None, "dask", "tcp://a:1", 5.0), Workers(scheduler="tcp://a:1", patience=5.0)),
     ],
 )
 def test_options_name_the_workers(options, workers: Workers) -> None:
@@ -61,7 +62,10 @@ def test_options_name_the_workers(options, workers: Workers) -> None:
         ((0, "processes", None), "jobs: must be at least 1, got 0"),
         ((None, "dask", None), "--backend dask needs the address of a scheduler"),
         ((2, "dask", "tcp://a:1"), "--jobs counts processes of this machine"),
-        ((None, "processes", "tcp://a:1"), "--scheduler names a cluster"),
+        ((None, "processes", "tcp://a:1"), "--scheduler is about a cluster"),
+        ((None, "processes", None, 5.0), "--patience is about a cluster"),
+        ((None, "dask", "tcp://a:1", 0.0), "patience: must be above 0 s, got 0"),
+        ((None, "dask", "tcp://a:1", float("nan")), "patience: must be above 0 s"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(options, words: str) -> None:
@@ -72,7 +76,7 @@ def test_options_that_contradict_each_other_are_refused(options, words: str) -> 
 @pytest.mark.parametrize("address", ["", "tcp://", "a b:1", "host", "host:123456", "tcp://host:1/x"])
 def test_what_is_no_address_of_a_scheduler_is_refused(address: str) -> None:
     with pytest.raises(UsageError, match="is no address"):
-        list(run_on_cluster(str.upper, ["a"], address))
+        list(run_on_cluster(str.upper, ["a"], address, 1.0))
 
 
 def test_surroundings_name_what_decides_a_result(tmp_path, monkeypatch) -> None:

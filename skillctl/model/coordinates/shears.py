@@ -48,8 +48,8 @@ class Shears(Frozen, Link):
     firsts: FloatArray
     spacings: FloatArray
     coefficients: FloatArray
-    _inverse: FloatArray = field(init=False, repr=False)
-    _shears: tuple[_Shear, ...] = field(init=False, repr=False)
+    inverse: FloatArray = field(init=False, repr=False)
+    shears: tuple[_Shear, ...] = field(init=False, repr=False)
     _rows: tuple[list[list[float]], list[list[float]]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -67,8 +67,8 @@ class Shears(Frozen, Link):
             raise InvalidModelError(reasons[0])
         shears = zip(self.directions, self.firsts, self.spacings, self.coefficients, strict=True)
         inverse = np.triu(np.linalg.inv(self.linear))
-        object.__setattr__(self, "_inverse", inverse)
-        object.__setattr__(self, "_shears", tuple(_Shear(w, float(t), float(s), c) for w, t, s, c in shears))
+        object.__setattr__(self, "inverse", inverse)
+        object.__setattr__(self, "shears", tuple(_Shear(w, float(t), float(s), c) for w, t, s, c in shears))
         object.__setattr__(self, "_rows", (self.linear.tolist(), inverse.tolist()))
 
     def __eq__(self, other: object) -> bool:
@@ -133,34 +133,34 @@ class Shears(Frozen, Link):
     def forward(self, offsets: FloatArray) -> FloatArray:
         """Return y = φ(x) for offsets (n, d). Shape (n, d)."""
         y = offsets @ self.linear.T
-        for shear in self._shears:
+        for shear in self.shears:
             y = y + shear.amounts(y @ shear.direction)
         return y
 
     def back(self, coordinates: FloatArray) -> FloatArray:
         """Return x = φ⁻¹(y) for coordinates (n, d). Shape (n, d)."""
-        for shear in reversed(self._shears):
+        for shear in reversed(self.shears):
             coordinates = coordinates - shear.amounts(coordinates @ shear.direction)
-        return coordinates @ self._inverse.T
+        return coordinates @ self.inverse.T
 
     def bounds_forward(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold φ(x) for all x in boxes, (n, d) each; see ``Link``."""
         enclosure = Enclosure.of(low, high).multiplied(self.linear)
-        for shear in self._shears:
+        for shear in self.shears:
             enclosure = enclosure.sheared(shear)
         return enclosure.box()
 
     def bounds_back(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return boxes that hold φ⁻¹(y) for all y in boxes, (n, d) each; see ``Link``."""
         enclosure = Enclosure.of(low, high)
-        for shear in reversed(self._shears):
+        for shear in reversed(self.shears):
             enclosure = enclosure.sheared(shear, -1)
         return enclosure.multiplied(*inverse_with_error(self.linear)).box()
 
     def tangent(self, offsets: FloatArray) -> tuple[FloatArray, Pull]:
         """Return y for offsets (n, d), and what leads velocities back: Dφ⁻¹ = L⁻¹ Π (I − a_i′ w_iᵀ)."""
         y, slopes = offsets @ self.linear.T, []
-        for shear in self._shears:
+        for shear in self.shears:
             places = y @ shear.direction
             slopes.append((shear.direction, shear.slopes(places)))
             y = y + shear.amounts(places)
@@ -168,7 +168,7 @@ class Shears(Frozen, Link):
         def pull(velocities: FloatArray) -> FloatArray:
             for direction, slope in reversed(slopes):
                 velocities = velocities - slope * (velocities @ direction)[:, None]
-            return velocities @ self._inverse.T
+            return velocities @ self.inverse.T
 
         return y, pull
 
@@ -177,21 +177,21 @@ class Shears(Frozen, Link):
     def forward_at(self, offset: FloatArray) -> FloatArray:
         """Return y = φ(x) for one offset (d,)."""
         y = _product(self._rows[0], offset.tolist())
-        for shear in self._shears:
+        for shear in self.shears:
             y = [a + b for a, b in zip(y, shear.amount(y), strict=True)]
         return np.array(y)
 
     def back_at(self, coordinate: FloatArray) -> FloatArray:
         """Return x = φ⁻¹(y) for one y (d,)."""
         x = coordinate.tolist()
-        for shear in reversed(self._shears):
+        for shear in reversed(self.shears):
             x = [a - b for a, b in zip(x, shear.amount(x), strict=True)]
         return np.array(_product(self._rows[1], x))
 
     def tangent_at(self, offset: FloatArray) -> tuple[FloatArray, Pull]:
         """Return y for one offset (d,), and what leads a velocity (d,) back; see ``tangent``."""
         y, slopes = _product(self._rows[0], offset.tolist()), []
-        for shear in self._shears:
+        for shear in self.shears:
             y, slope = shear.sheared(y)
             slopes.append((shear.row, slope))
 
@@ -216,35 +216,35 @@ class _Shear:
     """
 
     __slots__ = (
-        "_cells",
-        "_count",
         "_extremes",
         "_lists",
-        "_per_length",
-        "_shift",
-        "_start",
         "_zero",
         "blur",
+        "cells",
+        "count",
         "direction",
+        "per_length",
         "row",
+        "shift",
         "sizes",
+        "start",
     )
 
     def __init__(self, direction: FloatArray, first: float, spacing: float, coefficients: FloatArray) -> None:
         across = coefficients - np.outer(coefficients @ direction, direction) / (direction @ direction)
         bumps, d = across.shape
-        self._count = bumps + 3
-        cells = np.zeros((self._count + 1, 4, d))  # the last one stands for everything beyond the bumps
+        self.count = bumps + 3
+        cells = np.zeros((self.count + 1, 4, d))  # the last one stands for everything beyond the bumps
         for piece, cubic in enumerate(BUMP):
             cells[piece : piece + bumps] += cubic[:, None] * across[:, None]
         self.direction, self.row = direction, direction.tolist()
-        self._per_length, self._start = 1 / spacing, 2 - first / spacing
-        self._cells = cells
+        self.per_length, self.start = 1 / spacing, 2 - first / spacing
+        self.cells = cells
         self._lists = cells.transpose(0, 2, 1).tolist()
-        self._shift = np.zeros(d)
-        self._shift = self.amounts(np.zeros(1))[0]
-        self._zero = self._shift.tolist()
-        self.blur = (abs(self._start) + self._count) * spacing
+        self.shift = np.zeros(d)
+        self.shift = self.amounts(np.zeros(1))[0]
+        self._zero = self.shift.tolist()
+        self.blur = (abs(self.start) + self.count) * spacing
         along = np.abs(coefficients @ direction)[:, None] * np.abs(direction) / (direction @ direction)
         self.sizes = 16 * (np.abs(coefficients) + along).max(axis=0)  # BUMP's entries add up to less
         self._extremes = _slope_extremes(cells, 1 / spacing)
@@ -252,12 +252,12 @@ class _Shear:
     def amounts(self, places: FloatArray) -> FloatArray:
         """Return a at places t (n,). Shape (n, d); exactly zero at zero."""
         cubics, f = self._located(places)
-        return ((cubics[:, 3] * f + cubics[:, 2]) * f + cubics[:, 1]) * f + cubics[:, 0] - self._shift
+        return ((cubics[:, 3] * f + cubics[:, 2]) * f + cubics[:, 1]) * f + cubics[:, 0] - self.shift
 
     def slopes(self, places: FloatArray) -> FloatArray:
         """Return a′ at places t (n,). Shape (n, d)."""
         cubics, f = self._located(places)
-        return ((3 * cubics[:, 3] * f + 2 * cubics[:, 2]) * f + cubics[:, 1]) * self._per_length
+        return ((3 * cubics[:, 3] * f + 2 * cubics[:, 2]) * f + cubics[:, 1]) * self.per_length
 
     def slope_bounds(self, places: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return bounds of a′ within ``reach`` (n,) of places t (n,). Shape (n, d) each.
@@ -265,31 +265,31 @@ class _Shear:
         Over a cell, a′ is no more than its extremes there, and differs from a′(t) by ``reach`` times the
         largest |a″|; of the two bounds the better one counts.
         """
-        u, wide = places * self._per_length + self._start, reach * self._per_length
+        u, wide = places * self.per_length + self.start, reach * self.per_length
         wide = wide + GUARD * (1 + np.abs(u) + wide)
-        cells = np.arange(-1, self._count + 1)  # beyond the bumps on either side, too
+        cells = np.arange(-1, self.count + 1)  # beyond the bumps on either side, too
         covered = (cells <= (u + wide)[:, None]) & (cells + 1 >= (u - wide)[:, None])
         covered[:, 0] |= u - wide < 0
-        covered[:, -1] |= u + wide >= self._count
+        covered[:, -1] |= u + wide >= self.count
         least, most, bend = self._extremes
         lowest = np.where(covered[:, :, None], least, np.inf).min(axis=1)
         highest = np.where(covered[:, :, None], most, -np.inf).max(axis=1)
-        change = np.where(covered[:, :, None], bend, 0.0).max(axis=1) * wide[:, None] / self._per_length
-        middle, guard = self.slopes(places), GUARD * self.sizes * self._per_length
+        change = np.where(covered[:, :, None], bend, 0.0).max(axis=1) * wide[:, None] / self.per_length
+        middle, guard = self.slopes(places), GUARD * self.sizes * self.per_length
         return np.maximum(lowest, middle - change) - guard, np.minimum(highest, middle + change) + guard
 
     def _located(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the cubics (n, 4, d) of the cells around places, and how far along each they are (n, 1)."""
-        u = places * self._per_length + self._start
-        inside = (u >= 0) & (u < self._count)
-        u = np.where(inside, u, self._count)
+        u = places * self.per_length + self.start
+        inside = (u >= 0) & (u < self.count)
+        u = np.where(inside, u, self.count)
         index = u.astype(np.int64)
-        return self._cells[index], (u - index)[:, None]
+        return self.cells[index], (u - index)[:, None]
 
     def amount(self, y: list[float]) -> list[float]:
         """Return a(w·y) for one y."""
-        u = sum(map(mul, self.row, y)) * self._per_length + self._start
-        if not 0 <= u < self._count:
+        u = sum(map(mul, self.row, y)) * self.per_length + self.start
+        if not 0 <= u < self.count:
             return [-shift for shift in self._zero]
         index = int(u)
         f = u - index
@@ -298,12 +298,12 @@ class _Shear:
 
     def sheared(self, y: list[float]) -> tuple[list[float], list[float]]:
         """Return y + a and a′ at w·y for one y."""
-        u = sum(map(mul, self.row, y)) * self._per_length + self._start
-        if not 0 <= u < self._count:
+        u = sum(map(mul, self.row, y)) * self.per_length + self.start
+        if not 0 <= u < self.count:
             return [a - shift for a, shift in zip(y, self._zero, strict=True)], [0.0] * len(y)
         index = int(u)
         f, cubics = u - index, self._lists[index]
-        per_length, shifts = self._per_length, self._zero
+        per_length, shifts = self.per_length, self._zero
         moved = [
             a + (((p3 * f + p2) * f + p1) * f + p0 - shift)
             for a, (p0, p1, p2, p3), shift in zip(y, cubics, shifts, strict=True)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from skillctl import store
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import Chain, OnPosition
 from skillctl.model.coordinates.shears import Shears
@@ -130,13 +131,22 @@ RECORDED: dict[str, dict[str, object]] = {
     "learn": {"notes": ("two starts agree", "the last ran out of steps")},
     "merge": {"lyapunov": "found", "dtw_before": (0.25,), "dtw_after": (0.5,)},
     "combine": {"kept": (1.0, 0.5)},
+    "chain": {},
     "python": {},
 }
 
 
 def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command: str) -> store.Artifact:
     """Return a skill with some of everything that metadata can hold."""
-    parent = store.ParentRecord(name="reach", version=3, digest=f"sha256:{'1' * 64}", role="part")
+    parents = tuple(
+        store.ParentRecord(
+            name="reach",
+            version=3,
+            digest=f"sha256:{'1' * 64}",
+            role=f"stage {number}" if command == "chain" else "part",
+        )
+        for number in range(1, max(1, len(skill.parts)) + 1)
+    )
     reports = tuple(
         store.DemonstrationReport(
             source=motion.source,
@@ -165,7 +175,7 @@ def artifact(skill: Skill, taught: tuple[DemonstrationSet | None, ...], command:
         ),
         store.Provenance(
             inputs=(store.InputRecord(path="data/motion.csv", sha256="0" * 64, importer="csv"),),
-            parents=(parent,) * max(1, len(skill.parts)),
+            parents=parents,
             tool="0.2.0",
             libraries={"numpy": "2.0.0"},
             date="2020-02-29T12:00:00Z",
@@ -190,6 +200,16 @@ def archive() -> dict[str, store.Artifact]:
     instantaneous = CombinedSkill((left, other), halves, "instantaneous", 0.125)
     regions = tuple(GaussianMixture(halves, part.means, part.covariances) for part in (left, other))
     taught_regions = CombinedSkill((left, other), halves, "latched", 0.125, regions=regions)
+    chain = ChainedSkill(
+        (other, taught_regions, bent(0.0)),
+        np.array([0.0009765625, 0.25, 0.5]),
+        (("close", "wait 0.5"), (), ("open",)),
+        "back",
+        0.0625,
+    )
+    poses = ChainedSkill(
+        (pose(0.0), pose(1.0, (0.0, 0.0, 0.5))), np.array([0.125, 0.25]), ((), ("open",)), "stay", 0.125
+    )
     aligned = CombinedSkill((left, dense), np.array([0.75, 0.25]), "instantaneous", 0.125, 0.5)
     return {
         "seds-bare.h5": artifact(right, (None,), "python"),
@@ -212,6 +232,8 @@ def archive() -> dict[str, store.Artifact]:
         "combined-instantaneous.h5": artifact(instantaneous, taught, "combine"),
         "combined-regions.h5": artifact(taught_regions, taught, "combine"),
         "combined-aligned.h5": artifact(aligned, (demonstrations(-1.0), None, None), "combine"),
+        "chain.h5": artifact(chain, (demonstrations(-1.0), None, None, demonstrations(0.0)), "chain"),
+        "chain-poses.h5": artifact(poses, (turning(), None), "python"),
         "seds.h5": artifact(left, (demonstrations(0.0),), "learn"),
         "merged.h5": artifact(merged, (demonstrations(0.0), demonstrations(1.0)), "merge"),
         "combined.h5": artifact(combined, (None, demonstrations(1.0), demonstrations(-1.0)), "combine"),

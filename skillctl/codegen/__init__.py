@@ -1,0 +1,1 @@
+"""A skill as C99: one header that commands what the controller commands, without Python."""
