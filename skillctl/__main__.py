@@ -13,13 +13,8 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from skillctl.errors import Terminated
-
-if TYPE_CHECKING:
-    from skillctl.cli.exit_codes import ExitCode
 
 GRACE = 5.0  # [s], for whoever unwinds in order
 
@@ -80,21 +75,20 @@ def _end_in_time() -> None:
 
     They do for as long as one product of large matrices takes. What is half written then is swept later.
     """
-    from skillctl.cli.exit_codes import ExitCode  # late, as all imports of this module
-
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing)
-    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
-    threading.Thread(target=_end_late, args=(reading, codes), daemon=True).start()
+    threading.Thread(target=_end_late, args=(reading,), daemon=True).start()
 
 
-def _end_late(signals: int, codes: Mapping[int, ExitCode]) -> None:
-    while (code := codes.get(os.read(signals, 1)[0])) is None:
+def _end_late(signals: int) -> None:
+    from skillctl.cli.output import Output
+
+    stops = {int(signal.SIGTERM): Terminated, int(signal.SIGINT): KeyboardInterrupt}
+    while (stop := stops.get(os.read(signals, 1)[0])) is None:
         pass
     time.sleep(GRACE)
-    os.write(2, f"error: {code.meaning}.\n".encode())
-    os._exit(code)
+    os._exit(Output.for_arguments(sys.argv[1:]).fail(stop()))
 
 
 def _terminate(*_: object) -> None:
