@@ -142,13 +142,14 @@ class Promises:
             skill, found = published_by(command), there.get(command.note)
             if found and command.told and not skill:
                 self.find(f"{command} published {found} and did not say so: {command.said}")
-            if skill and found != skill and skill not in gone and not self._maybe_removed(skill, command):
+            maybe = gone | {found}
+            if skill and skill not in maybe and not self._maybe_removed(skill, command, store):
                 self.find(f"{command} published {skill}, and there is {found}")
 
-    def _maybe_removed(self, skill: str, maker: Command) -> bool:
+    def _maybe_removed(self, skill: str, maker: Command, store: dict[str, Folder]) -> bool:
         """Whether a command that could not say what it had done may have removed a version."""
         name, _, number = skill.partition("@")
-        higher = sum(1 for each, other in self.contents if each == name and other > int(number))
+        higher = store[name].given - int(number) if name in store else 0
         return any(
             command.ended > maker.began
             and (command.name or name) == name
