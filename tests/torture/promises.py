@@ -213,7 +213,7 @@ def published_by(command: Command) -> str:
 
 def told_removal(command: Command) -> bool:
     """Whether a command that removes, and did not end well, has said what it had removed."""
-    return command.code in (2, 4, 8)
+    return command.code in (2, 4, 8) and "standard output" not in command.said  # where it would have said so
 
 
 def removed_by(command: Command) -> set[str]:
