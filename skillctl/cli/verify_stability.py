@@ -26,6 +26,7 @@ Example:
   skillctl verify-stability reach
   skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=all.xml
   skillctl verify-stability reach --plot proof.png
+  skillctl verify-stability reach --golden
   skillctl verify-stability skills/*/*.h5 --jobs 4
   skillctl verify-stability reach --start-box 0.4:0.5,0,0.5 --stay-in :0.8,,0:
   skillctl verify-stability *.h5 --format github --report sarif=all.sarif
@@ -63,6 +64,11 @@ class Reporting:
         metavar="T.toml",
         group=REQUIRED,
         help="Every clause of this task has to hold of motions from its start box; see `adapt`.",
+    )
+    golden: bool = option(
+        False,
+        group=REQUIRED,
+        help="Every skill has to agree with the motions that were recorded where it was made.",
     )
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=REPORTS, help="Draw where and how fast V shrinks."
@@ -110,6 +116,7 @@ def verify_stability(
             required=required,
             scene=reporting.scene,
             task=reporting.task,
+            golden=reporting.golden,
             workers=workers,
             progress=progress,
         )
@@ -153,9 +160,11 @@ def blocks(report: VerifyReport) -> list[render.Block]:
     ]
     scenes = [block for verdict in report.skills for block in _among(verdict)]
     courses = [block for verdict in report.skills for block in _course(verdict)]
+    repeats = [(each.skill, f"golden motions: {each.golden.said}") for each in report.skills if each.golden]
+    agreed = [render.Facts(tuple(repeats))] if repeats else []
     tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
     table = render.Table(tuple(headings), tuple(map(tuple, rows)))
-    return [table, *courses, *bounds, *scenes, *tasks, *_explanations(report)]
+    return [table, *courses, *bounds, *scenes, *agreed, *tasks, *_explanations(report)]
 
 
 def _course(verdict: SkillVerdict) -> list[render.Block]:
@@ -253,4 +262,9 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than usual."""
     usual = replace(report.required, start_box=None, stay_in=None) == Requirements()
-    return not usual or bool(report.required.stay_in) or any(each.task for each in report.skills)
+    return (
+        not usual
+        or report.golden
+        or bool(report.required.stay_in)
+        or any(each.task for each in report.skills)
+    )

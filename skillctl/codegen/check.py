@@ -11,13 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.codegen.states import states_around
+from skillctl.codegen.states import Limits, shares_of, stage_ends, states_around, stepped
 from skillctl.errors import NotFoundError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill, extent
 
@@ -25,14 +26,12 @@ STATES = 10_000
 STEPS = 50  # of each motion; half of the states are starts
 PUSHED, PUSH = 0.1, 0.2  # share of its steps before which a state is pushed, and how far, in extents
 NUDGES = (0.01, 0.1)  # how far starts are pushed after one step: a disturbance or none, over a seam or not
-SLOW = 1e-6  # commands that are no faster get no limit: half of rounding is no limit
 TOLERANCE = 1e-12  # of a command
 LAST_BITS = 8.0  # times what a command changes by the last bit of one coordinate of its state
+BUSY = 0.7  # share of the steps at which an event of a chain still goes on
 SMALLEST = 1e-300  # keeps a quotient by a command that is zero from being none
 FREE = (math.inf, math.inf)
 PATIENCE = 300.0  # [s] for a compiler, and for a run
-
-Limits: TypeAlias = tuple[float, float]  # of the speed and of the turning speed
 
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 LANGUAGES = (  # with the variable that names a compiler, those looked for, and options
@@ -118,24 +117,25 @@ class Taken(NamedTuple):
     Attributes:
         controller: Which took it; it has gone on since.
         before: The memory of the controller before it.
-        start: Whether it began anew.
-        limits, state: What it was given.
-        command, part, ahead: What it answered, and where that leads.
+        start: The stage that it began, counted from 1; 0 if it went on.
+        limits, busy, state: What it was given.
+        command, memory, ahead: What it answered, what it remembers as numbers, and where it leads.
     """
 
     controller: Controller
     before: Mapping[str, Any]
-    start: bool
+    start: int
     limits: Limits
+    busy: bool
     state: FloatArray
     command: FloatArray
-    part: int
+    memory: tuple[int, int]
     ahead: FloatArray
 
     def again(self, state: FloatArray) -> FloatArray:
         """Return the command (d,) for another state (d,) in its place."""
         self.controller.restore(self.before)
-        return _stepped(self.controller, state, self.limits)
+        return stepped(self.controller, state, self.limits, self.busy)
 
     def spread(self) -> float:
         """Return how far the command changes with the last bit of one coordinate of the state.
@@ -162,28 +162,35 @@ def recorded(skill: Skill, taught: Sequence[FloatArray], period: float) -> list[
     )
     steps: list[Taken] = []
 
-    def step(state: FloatArray, limits: Limits, start: bool) -> Taken:
-        if start:
+    def step(state: FloatArray, limits: Limits, start: int = 0) -> Taken:
+        if start == 1:
             controller.reset()
-        before = controller.state()
-        command = _stepped(controller, state, limits)
+        elif start:
+            controller.go(start - 1)
+        before, busy = controller.state(), bool(rng.uniform() < BUSY)
+        command = stepped(controller, state, limits, busy)
+        past, event = controller.state()["course"]["past"], controller.event is not None
+        memory = controller.part or 0, 4 * past + 2 * event + controller.done
         ahead = np.asarray(controller.next)
-        steps.append(Taken(controller, before, start, limits, state, command, controller.part or 0, ahead))
+        steps.append(Taken(controller, before, start, limits, busy, state, command, memory, ahead))
         return steps[-1]
 
     def pushed(state: FloatArray, size: float) -> FloatArray:
         return space.displace(state, size * rng.standard_normal(skill.dimension))
 
     for state in states_around(skill, STATES // 8, taught, seed=1):
-        free = step(state, FREE, start=True)
-        step(pushed(free.ahead, float(rng.choice(NUDGES))), FREE, start=False)
-        step(state, _shares(space.speeds(free.command), (0.5, 0.8)), start=True)
-    rest = STATES - len(steps)
-    for index, state in enumerate(states_around(skill, rest // STEPS, taught, seed=2)):
+        free = step(state, FREE, start=1)
+        step(pushed(free.ahead, float(rng.choice(NUDGES))), FREE)
+        step(state, shares_of(space.speeds(free.command), (0.5, 0.8)), start=1)
+    count = (STATES - len(steps)) // STEPS
+    starts = [(0, state) for state in states_around(skill, count, taught, seed=2)]
+    if isinstance(skill, ChainedSkill):
+        starts[::2] = stage_ends(skill, len(starts[::2]), rng)
+    for index, (stage, state) in enumerate(starts):
         speeds = space.speeds(skill.velocity(state))
-        limits = _shares(speeds, (0.3, 0.3)) if index % 2 else FREE
+        limits = shares_of(speeds, (0.3, 0.3)) if index % 4 > 1 else FREE
         for number in range(STEPS):
-            state = step(state, limits, start=number == 0).ahead
+            state = step(state, limits, start=0 if number else stage + 1).ahead
             if rng.uniform() < PUSHED:
                 state = pushed(state, PUSH * extent(skill.density))
     return steps
@@ -191,19 +198,20 @@ def recorded(skill: Skill, taught: Sequence[FloatArray], period: float) -> list[
 
 def _given(steps: Sequence[Taken]) -> bytes:
     """Return what the driver reads."""
-    return np.array([[step.start, *step.limits, *step.state] for step in steps], dtype=np.float64).tobytes()
+    rows = [[step.start, *step.limits, step.busy, *step.state] for step in steps]
+    return np.array(rows, dtype=np.float64).tobytes()
 
 
 def _compared(run: subprocess.CompletedProcess[bytes], steps: Sequence[Taken], found: Check) -> Check:
     """Return how what the driver has answered differs."""
-    expected = np.array([[0, step.part, *step.command] for step in steps], dtype=np.float64)
+    expected = np.array([[0, *step.memory, *step.command] for step in steps], dtype=np.float64)
     if run.returncode or len(run.stdout) != expected.nbytes:
         return replace(found, problem=f"{found.compilers[-1]}: what it compiled died.")
     answered = np.frombuffer(run.stdout).reshape(expected.shape)
-    for index in np.flatnonzero((answered[:, :2] != expected[:, :2]).any(axis=1))[:1]:
-        return replace(found, problem=f"Another part acts at {steps[index].state.tolist()}.")
-    off = np.linalg.norm(answered[:, 2:] - expected[:, 2:], axis=1)
-    size = np.linalg.norm(expected[:, 2:], axis=1)
+    for index in np.flatnonzero((answered[:, :3] != expected[:, :3]).any(axis=1))[:1]:
+        return replace(found, problem=f"It remembers something else at {steps[index].state.tolist()}.")
+    off = np.linalg.norm(answered[:, 3:] - expected[:, 3:], axis=1)
+    size = np.linalg.norm(expected[:, 3:], axis=1)
     delicate = np.flatnonzero(~(off <= TOLERANCE * size))
     for index in delicate.tolist():
         off[index] = max(0.0, off[index] - LAST_BITS * steps[index].spread())
@@ -216,19 +224,6 @@ def _compared(run: subprocess.CompletedProcess[bytes], steps: Sequence[Taken], f
         nanoseconds=found.nanoseconds or 1e9 * float(run.stderr) / len(steps),
         problem=problem,
     )
-
-
-def _shares(speeds: Limits, shares: Limits) -> Limits:
-    """Return limits that are shares of speeds; none where nothing moves."""
-    one, other = (
-        share * speed if speed > SLOW else math.inf for speed, share in zip(speeds, shares, strict=True)
-    )
-    return one, other
-
-
-def _stepped(controller: Controller, state: FloatArray, limits: Limits) -> FloatArray:
-    speed, turn = (None if limit == math.inf else limit for limit in limits)
-    return controller.step(state, max_speed=speed, max_turn=turn)
 
 
 def _compiler(environment: Mapping[str, str], variable: str, programs: tuple[str, ...]) -> list[str] | None:

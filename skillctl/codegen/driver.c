@@ -5,8 +5,8 @@
 
 #include "skill.h"
 
-#define GIVEN (3 + SKILL_DIMENSION)    /* whether it is a start, both limits, the state */
-#define ANSWERED (2 + SKILL_DIMENSION) /* the code, the part, the command */
+#define GIVEN (4 + SKILL_DIMENSION)    /* the stage that is begun, both limits, whether it is busy, the state */
+#define ANSWERED (3 + SKILL_DIMENSION) /* the code, the part, where in a chain it is, the command */
 
 int main(int count_of_arguments, char **arguments)
 {
@@ -31,8 +31,18 @@ int main(int count_of_arguments, char **arguments)
 #ifdef SKILL_LENGTH
         controller.max_turn = from[2];
 #endif
-        to[0] = skill_step(&controller, from + 3, to + 2);
+#ifdef SKILL_STAGES
+        if (from[0] > 0.0) {
+            skill_go(&controller, (int)from[0] - 1);
+        }
+        controller.busy = from[3] > 0.0;
+#endif
+        to[0] = skill_step(&controller, from + 4, to + 3);
         to[1] = controller.part;
+        to[2] = 0.0;
+#ifdef SKILL_STAGES
+        to[2] = 4 * controller.past + 2 * (controller.event != NULL) + controller.done;
+#endif
     }
     fprintf(stderr, "%.17g", (double)(clock() - started) / CLOCKS_PER_SEC);
     k = fwrite(answered, sizeof(double) * ANSWERED, count, stdout);

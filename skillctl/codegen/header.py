@@ -11,19 +11,20 @@ from importlib.resources import files
 
 from skillctl import __version__
 from skillctl.arrays import FloatArray
-from skillctl.codegen.states import states_around
+from skillctl.codegen.states import shares_of, states_around, stepped
 from skillctl.codegen.tables import Tables
 from skillctl.codegen.text import braced, kept, named, number, quoted
 from skillctl.errors import ArtifactError
+from skillctl.model.chained import ChainedSkill
+from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
-from skillctl.model.stepper import Caps, Stepper
 
 TESTS = 100
 PERIOD = 0.01  # [s] of a test, unless only shorter ones are proved
 RELATIVE, ABSOLUTE = 1e-9, 1e-12  # of a command, and of a state per period, by which a test may be off
 
 FUNCTIONS = ("begin", "begin_unproved", "controller", "distance", "remaining", "reset", "step", "targets")
-CODES = ("OK", "BAD_PERIOD", "BAD_LIMIT", "BAD_STATE")
+CODES = ("OK", "BAD_PERIOD", "BAD_LIMIT", "BAD_STATE", "BAD_STAGE")
 
 _DIGEST = re.compile(r'^#define \w+_DIGEST "((?:sha256:[0-9a-f]{64})?)"$', re.MULTILINE)
 _LAST = re.compile(r"/\* The lines above have the digest (sha256:[0-9a-f]{64})\. \*/\n")
@@ -94,8 +95,9 @@ def header_of(skill: Skill, facts: Facts, taught: Sequence[FloatArray]) -> str:
 
 def names_of(skill: Skill, facts: Facts) -> tuple[str, ...]:
     """Return what a program uses of the header of a skill, by its names in C."""
-    poses = [] if skill.space.flat else ["state_of_pose"]
-    return tuple(f"{prefix_of(facts.name)}_{name}" for name in sorted([*FUNCTIONS, *poses]))
+    poses = () if skill.space.flat else ("state_of_pose",)
+    stages = ("go", "stage") if isinstance(skill, ChainedSkill) else ()
+    return tuple(f"{prefix_of(facts.name)}_{name}" for name in sorted((*FUNCTIONS, *poses, *stages)))
 
 
 def tested_period(facts: Facts) -> float:
@@ -168,13 +170,14 @@ def _aliases(prefix: str, names: Iterable[str], macros: Iterable[str]) -> str:
 
 def _tests(skill: Skill, period: float, taught: Sequence[FloatArray]) -> list[str]:
     """Return states and the commands of a controller that has just begun; every second one has a limit."""
-    stepper, tests = Stepper(skill, period), []
+    controller, tests = Controller(skill, period, allow_unproved=True), []
     for index, state in enumerate(states_around(skill, TESTS, taught)):
-        free = stepper.step(state).command
-        moving, turning = skill.space.speeds(free)
-        caps = Caps(0.5 * moving, 0.8 * turning or math.inf) if index % 2 and moving > 0 else Caps()
-        command = stepper.step(state, caps=caps).command
-        limits = [number(caps.speed)] if skill.space.flat else [number(caps.speed), number(caps.turn)]
+        limits = (math.inf, math.inf)
+        for _ in range(1 + index % 2):
+            controller.reset()
+            command = stepped(controller, state, limits)
+            limits, given = shares_of(skill.space.speeds(command), (0.5, 0.8)), limits
+        numbers = map(number, given[: 1 if skill.space.flat else 2])
         rows = (braced(map(number, each.tolist())) for each in (state, command))
-        tests.append("    " + braced([*limits, *rows]))
+        tests.append("    " + braced([*numbers, *rows]))
     return tests

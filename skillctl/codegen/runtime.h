@@ -29,7 +29,8 @@ enum {
     SKILL_OK = 0,
     SKILL_BAD_PERIOD = 1,  /* not positive, or longer than is proved */
     SKILL_BAD_LIMIT = 2,   /* a limit that is not positive */
-    SKILL_BAD_STATE = 3    /* not finite */
+    SKILL_BAD_STATE = 3,   /* not finite */
+    SKILL_BAD_STAGE = 4    /* a chain has no such stage */
 };
 
 /* What is to be kept from one step to the next, and the limits of a command. skill_begin fills it. */
@@ -40,6 +41,13 @@ typedef struct {
     double max_turn;                /* [rad/s] */
 #endif
     int part;                       /* that acted last, from 0; below zero: the next step is a start */
+#if CHAIN
+    int begin;                      /* the stage that a start begins with, from 0 */
+    const char *event;              /* what is due now, such as "close"; NULL: nothing */
+    int busy;                       /* set it while the event still goes on; a wait counts by itself */
+    int done;                       /* whether the last stage and its events are over */
+    int past, due;                  /* events of the stage that are over; periods for which the next one is due */
+#endif
     double next[SKILL_DIMENSION];   /* the state that the last command leads to in one period */
 #if POSE
     double offset[SKILL_DIMENSION]; /* of that state, from the target */
@@ -383,6 +391,16 @@ typedef struct {
     const double (*logits)[SKILL_ROW_];
     const double (*matrices)[SKILL_D_ * SKILL_D_];
     const double *attractor, *anchor;
+#if CHAIN
+    int stage;
+    double end;             /* root of V at which the stage is over */
+    const double *lyapunov; /* P of V = y . P y */
+#endif
+#if BACK
+    int terms; /* of the density of what it was taught */
+    const double *origin;
+    const double (*density)[SKILL_ROW_];
+#endif
 #if MERGED
     int leaves;
     const int *ends; /* of the components of each leaf */
@@ -394,6 +412,27 @@ typedef struct {
     const skill_link_ *link; /* nearest to the state first */
 #endif
 } skill_part_;
+#if CHAIN
+
+typedef struct {
+    const char *name;
+    double wait; /* [s]; below zero of all others, which last as long as the caller is busy */
+} skill_event_;
+#endif
+#if STAGES
+
+/* Parts of which one is chosen. */
+typedef struct {
+    int first, parts;
+#if SELECTS
+    const skill_densities_ *regions; /* NULL of a single part */
+#endif
+#if CHAIN
+    int events;
+    const skill_event_ *event;
+#endif
+} skill_stage_;
+#endif
 
 @TABLES@
 /* The velocity at y: a mixture of linear systems around the anchor. */
@@ -561,37 +600,70 @@ static inline void skill_placed_(const double *offset, const double *target, dou
     }
 }
 #endif
-#if SELECTS
+#if LINKS
 
-/* The part whose region a state lies in. */
-static inline int skill_selected_(const double *state)
+/* Lead an offset x to y. */
+static inline void skill_forward_(const skill_part_ *part, double *x)
 {
+    int i;
+#if SHEARS
+    int k;
+#endif
+    for (i = 0; i < part->links; ++i) {
+#if BODIES
+        if (part->link[i].bodies != NULL) {
+            skill_opened_(part->link[i].bodies, part->link[i].size, 0, x);
+        }
+#endif
+#if SHEARS
+        if (part->link[i].shears != NULL) {
+            skill_upper_(part->link[i].shears->linear, part->link[i].size, x);
+            for (k = 0; k < part->link[i].shears->count; ++k) {
+                skill_sheared_(&part->link[i].shears->shear[k], part->link[i].size, 1.0, x);
+            }
+        }
+#endif
+    }
+}
+#endif
+#if STAGES
+
+/* The part with which a stage begins: whose region a state lies in. */
+static inline int skill_begun_(int stage, const double *state)
+{
+    const skill_stage_ *of = &skill_stage_table_[stage];
+#if SELECTS
     double shares[SKILL_PARTS_];
     int i, best = 0;
 #if POSE
-#if CHARTS
-    double place[SKILL_PARTS_ * SKILL_D_];
-    const int charts = skill_regions_.mixtures;
-#else
-    double place[SKILL_D_];
-    const int charts = 1;
-#endif
     const double none[SKILL_D_] = {0.0};
+    double place[SKILL_PARTS_ * SKILL_D_];
     int chart;
-    for (chart = 0; chart < charts; ++chart) {
-        skill_offset_(state, skill_part_table_[chart].attractor, none, place + SKILL_D_ * chart);
+    if (of->regions == NULL) {
+        return of->first;
+    }
+    for (chart = 0; chart < of->parts; ++chart) {
+        const skill_part_ *part = &skill_part_table_[of->first + chart];
+        skill_offset_(state, part->attractor, none, place + SKILL_D_ * chart);
         for (i = 0; i < SKILL_D_; ++i) {
-            place[SKILL_D_ * chart + i] += skill_part_table_[chart].anchor[i];
+            place[SKILL_D_ * chart + i] += part->anchor[i];
         }
     }
-    skill_shares_(&skill_regions_, place, charts > 1 ? SKILL_D_ : 0, shares);
+    skill_shares_(of->regions, place, SKILL_D_, shares);
 #else
-    skill_shares_(&skill_regions_, state, 0, shares);
+    if (of->regions == NULL) {
+        return of->first;
+    }
+    skill_shares_(of->regions, state, 0, shares);
 #endif
-    for (i = 1; i < skill_regions_.mixtures; ++i) {
+    for (i = 1; i < of->parts; ++i) {
         best = shares[i] > shares[best] ? i : best;
     }
-    return best;
+    return of->first + best;
+#else
+    (void)state;
+    return of->first;
+#endif
 }
 #endif
 
@@ -677,9 +749,6 @@ static inline void skill_bent_(skill_controller *c, const double *state, double 
 #if FASTER
     duration *= SKILL_SPEED_;
 #endif
-#if SHEARS
-    int k;
-#endif
 #if BODIES
     double room, factor;
     const skill_body_ *body;
@@ -706,21 +775,7 @@ static inline void skill_bent_(skill_controller *c, const double *state, double 
     }
 #endif
 #if LINKS
-    for (i = 0; i < part->links; ++i) {
-#if BODIES
-        if (part->link[i].bodies != NULL) {
-            skill_opened_(part->link[i].bodies, part->link[i].size, 0, from.y);
-        }
-#endif
-#if SHEARS
-        if (part->link[i].shears != NULL) {
-            skill_upper_(part->link[i].shears->linear, part->link[i].size, from.y);
-            for (k = 0; k < part->link[i].shears->count; ++k) {
-                skill_sheared_(&part->link[i].shears->shear[k], part->link[i].size, 1.0, from.y);
-            }
-        }
-#endif
-    }
+    skill_forward_(part, from.y);
 #endif
     for (i = 0; i < SKILL_D_; ++i) {
         y[i] = from.y[i] + part->anchor[i];
@@ -782,11 +837,133 @@ static inline void skill_bent_(skill_controller *c, const double *state, double 
 }
 #endif
 
+#if CHAIN
+
+/* Whether the stage of a part is over: V is at its level or below. */
+static inline int skill_over_(int index, const double *state)
+{
+    const skill_part_ *part = &skill_part_table_[index];
+    double y[SKILL_D_], v = 0.0;
+    int i, j;
+#if POSE
+    const double none[SKILL_D_] = {0.0};
+    skill_offset_(state, part->attractor, none, y);
+#else
+    skill_difference_(state, part->attractor, y);
+#endif
+#if LINKS
+    skill_forward_(part, y);
+#endif
+    for (i = 0; i < SKILL_D_; ++i) {
+        for (j = 0; j < SKILL_D_; ++j) {
+            v += y[i] * part->lyapunov[SKILL_D_ * i + j] * y[j];
+        }
+    }
+    return sqrt(v) <= part->end;
+}
+#if BACK
+
+/* How familiar a stage is with a state: the logarithm of its largest density. */
+static inline double skill_familiarity_(int stage, const double *state)
+{
+    const skill_stage_ *of = &skill_stage_table_[stage];
+    const skill_part_ *part;
+    double values[SKILL_TERMS_], offset[SKILL_D_], best = -HUGE_VAL, peak, sum;
+    int i, k;
+#if POSE
+    const double none[SKILL_D_] = {0.0};
+#endif
+    for (k = of->first; k < of->first + of->parts; ++k) {
+        part = &skill_part_table_[k];
+#if POSE
+        skill_offset_(state, part->attractor, none, offset);
+        for (i = 0; i < SKILL_D_; ++i) {
+            offset[i] += part->anchor[i] - part->origin[i];
+        }
+#else
+        for (i = 0; i < SKILL_D_; ++i) {
+            offset[i] = state[i] - part->origin[i];
+        }
+#endif
+        skill_quadratics_(part->density, part->terms, offset, values);
+        peak = values[0];
+        for (i = 1; i < part->terms; ++i) {
+            peak = fmax(peak, values[i]);
+        }
+        sum = skill_exponentials_(values, part->terms);
+        best = fmax(best, peak + log(sum));
+    }
+    return best;
+}
+#endif
+
+static inline void skill_course_begin_(skill_controller *c)
+{
+    c->event = NULL;
+    c->done = c->past = c->due = 0;
+}
+
+/* The part that acts next: where a stage is over, its events come first, then the next stage. */
+static inline int skill_onward_(skill_controller *c, const double *state, int part)
+{
+    const skill_stage_ *stage;
+    double wait;
+    int busy = c->busy, index;
+    while (skill_over_(part, state)) { /* at most once for each stage */
+        index = skill_part_table_[part].stage;
+        stage = &skill_stage_table_[index];
+        if (c->due > 0) {
+            wait = stage->event[c->past].wait;
+            if (!(wait < 0.0 ? busy : c->due < wait / c->period - SKILL_ROUNDING_)) {
+                ++c->past;
+                c->due = 0;
+            }
+        }
+        c->event = c->past < stage->events ? stage->event[c->past].name : NULL;
+        if (c->event != NULL) {
+            ++c->due;
+            break;
+        }
+        if (index + 1 == SKILL_STAGES) {
+            c->done = 1;
+            break;
+        }
+        part = skill_begun_(index + 1, state);
+        busy = 0;
+        skill_course_begin_(c);
+    }
+    return part;
+}
+#endif
+
 /* Forget which part acts: the next step is a start. */
 static inline void skill_reset(skill_controller *c)
 {
     c->part = -1;
+#if CHAIN
+    c->begin = 0;
+    skill_course_begin_(c);
+#endif
 }
+#if CHAIN
+
+/* Begin a stage, from 0, at the next step: anew, or as one that takes what was lost. */
+static inline int skill_go(skill_controller *c, int stage)
+{
+    if (stage < 0 || stage >= SKILL_STAGES) {
+        return SKILL_BAD_STAGE;
+    }
+    skill_reset(c);
+    c->begin = stage;
+    return SKILL_OK;
+}
+
+/* The stage that acted last, from 0; below zero before the first step. */
+static inline int skill_stage(const skill_controller *c)
+{
+    return c->part < 0 ? -1 : skill_part_table_[c->part].stage;
+}
+#endif
 
 /* Make a controller without limits, for a period that may be longer than SKILL_PERIOD_MAX: nothing is proved
  * of it. */
@@ -797,6 +974,9 @@ static inline int skill_begin_unproved(skill_controller *c, double period)
     c->max_speed = HUGE_VAL;
 #if POSE
     c->max_turn = HUGE_VAL;
+#endif
+#if CHAIN
+    c->busy = 0;
 #endif
     for (i = 0; i < SKILL_DIMENSION; ++i) {
         c->next[i] = 0.0;
@@ -820,7 +1000,13 @@ static inline int skill_begin(skill_controller *c, double period)
 static inline int skill_step(skill_controller *c, const double state[SKILL_DIMENSION],
                              double command[SKILL_DIMENSION])
 {
-    int i;
+    int i, part;
+#if CHAIN
+    int stage;
+#endif
+#if BACK
+    double best, familiarity;
+#endif
 #if !BENT
     double factor;
 #endif
@@ -842,12 +1028,29 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
             return SKILL_BAD_STATE;
         }
     }
-#if SELECTS
-    if (c->part < 0 || skill_distance(state, c->next) > SKILL_DISTURBANCE) {
-        c->part = skill_selected_(state);
+    part = c->part;
+#if STAGES
+    if (part < 0 || skill_distance(state, c->next) > SKILL_DISTURBANCE) {
+#if CHAIN
+        stage = part < 0 ? c->begin : skill_part_table_[part].stage;
+#if BACK
+        if (part >= 0) {
+            best = skill_familiarity_(stage, state);
+            for (i = stage - 1; i >= 0; --i) {
+                familiarity = skill_familiarity_(i, state);
+                stage = familiarity > best ? i : stage;
+                best = fmax(familiarity, best);
+            }
+        }
+#endif
+        part = skill_begun_(stage, state);
+        skill_course_begin_(c);
 #else
-    if (c->part < 0) {
-        c->part = 0;
+        part = skill_begun_(0, state);
+#endif
+#else
+    if (part < 0) {
+        part = 0;
 #endif
 #if POSE
         for (i = 0; i < SKILL_DIMENSION; ++i) {
@@ -855,9 +1058,19 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
         }
 #endif
     }
-#if RESELECTS
-    c->part = skill_selected_(state);
+#if CHAIN
+    stage = part;
+    part = skill_onward_(c, state, part);
+#if POSE
+    for (i = 0; part != stage && i < SKILL_DIMENSION; ++i) {
+        c->offset[i] = 0.0;
+    }
 #endif
+#endif
+#if RESELECTS
+    part = skill_begun_(0, state);
+#endif
+    c->part = part;
 #if BENT
     skill_bent_(c, state, command);
 #else
@@ -918,6 +1131,9 @@ int main(void)
     bad += skill_state_of_pose(skill_targets[0], unturned, error) != SKILL_OK || error[3] != 0.0;
 #endif
     bad += skill_begin(&controller, 2.0 * SKILL_PERIOD_MAX) == SKILL_OK;
+#if CHAIN
+    bad += skill_go(&controller, SKILL_STAGES) == SKILL_OK || skill_stage(&controller) >= 0;
+#endif
     bad += !(skill_remaining(skill_targets[0]) < 1e-9);
     for (k = 0; k < count; ++k) {
         skill_begin_unproved(&controller, SKILL_TEST_PERIOD);

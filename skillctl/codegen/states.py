@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.codegen.tables import inner_of
+from skillctl.model.chained import ChainedSkill
+from skillctl.model.controller import Controller
 from skillctl.model.coordinates.keep_out import KeepOut
 from skillctl.model.skill import Skill, extent
 from skillctl.model.space import Space
@@ -15,7 +19,24 @@ from skillctl.model.space import Space
 FAR = (1.0, 10.0, 1e3)  # extents away
 NEAR = (1e-6, 1e-3, 0.1)
 SEAM = 0.05  # [rad] beside half a turn from a target
+SLOW = 1e-6  # commands that are no faster get no limit: a share of rounding is none
+OUTSIDE = 1.1  # times √V at the end of a stage
 AROUND = (0.5, 2.5)  # radii of a body away from its pole: in it, near it, and at the end of its influence
+
+
+Limits: TypeAlias = tuple[float, float]  # of the speed and of the turning speed; infinite if there is none
+
+
+def stepped(controller: Controller, state: FloatArray, limits: Limits, busy: bool = False) -> FloatArray:
+    """Return the command (d,) of a controller for a state (d,) within limits."""
+    speed, turn = (None if limit == math.inf else limit for limit in limits)
+    return controller.step(state, max_speed=speed, max_turn=turn, busy=busy)
+
+
+def shares_of(speeds: Limits, shares: Limits) -> Limits:
+    """Return limits that are shares of speeds; none where nothing moves."""
+    one, other = (share * v if v > SLOW else math.inf for v, share in zip(speeds, shares, strict=True))
+    return one, other
 
 
 def states_around(skill: Skill, count: int, taught: Sequence[FloatArray], seed: int = 0) -> FloatArray:
@@ -52,6 +73,18 @@ def states_around(skill: Skill, count: int, taught: Sequence[FloatArray], seed: 
         _beside_bodies(skill, picked(known, each), rng),
     ]
     return np.stack(kinds, axis=1).reshape(-1, d)[:count]
+
+
+def stage_ends(chain: ChainedSkill, count: int, rng: np.random.Generator) -> list[tuple[int, FloatArray]]:
+    """Return stages, each with a state (d,) at which it is nearly over: √V is a little above its level."""
+    ends = []
+    for index in range(count):
+        part = chain.acting_parts[index % len(chain.acting_parts)]
+        stage = chain.stage_of(index % len(chain.acting_parts))
+        y = rng.standard_normal(chain.dimension)
+        y *= OUTSIDE * np.sqrt(chain.levels[stage] / (y @ part.lyapunov @ y))
+        ends.append((stage, chain.space.placed_at(part.coordinates.back_at(y), part.attractor)))
+    return ends
 
 
 def _turned_half(space: Space, states: FloatArray, rng: np.random.Generator) -> FloatArray:

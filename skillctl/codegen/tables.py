@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 from typing import Any
@@ -9,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.codegen.text import braced, constant, number
+from skillctl.codegen.text import braced, constant, number, quoted
 from skillctl.errors import UsageError
+from skillctl.model.chained import WAIT, ChainedSkill
 from skillctl.model.coordinates.chain import Link, OnPosition
 from skillctl.model.coordinates.gauge import Gauge
 from skillctl.model.coordinates.keep_out import NUDGE, KeepOut
 from skillctl.model.coordinates.shears import Shears
+from skillctl.model.course import ROUNDING
 from skillctl.model.gated import StackedDensities
 from skillctl.model.mixture import GaussianMixture
 from skillctl.model.pose import SEAM, Pose
-from skillctl.model.skill import ActingSkill, Skill
+from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean
 from skillctl.model.stepper import CLOSE, SHARES
 
@@ -45,14 +48,17 @@ class Tables:
         self.limits: dict[str, str] = {}
         self.text: list[str] = []
         parts = skill.acting_parts
-        self._records("skill_part_", [self._part(part) for part in parts], "skill_part_table_")
+        records = [self._part(skill, index) for index in range(len(parts))]
+        self._records("skill_part_", records, "skill_part_table_")
         self.text.append(constant("double", "skill_targets", skill.attractors))
-        if self.features["SELECTS"]:
-            regions = self._densities(skill.influences, skill.shares)
-            self.text.append(f"static const skill_densities_ skill_regions_ = {braced(regions)};\n")
+        if self.features["STAGES"]:
+            stages = [self._stage(skill, *stage) for stage in enumerate(stages_of(skill))]
+            self._records("skill_stage_", stages, "skill_stage_table_")
+            self.limits["STAGES"] = str(len(stages))
             self.limits["DISTURBANCE"] = number(skill.disturbance_distance)
         self._raise("PARTS_", len(parts))
         self.limits["SPEED_"] = number(skill.outer_speed)
+        self.limits["ROUNDING_"] = number(ROUNDING)
         self.limits["TRIALS_"], self.limits["CLOSE_"] = str(SHARES), number(CLOSE)
         if isinstance(skill.space, Pose):
             self.limits["LENGTH"] = number(skill.space.length)
@@ -76,7 +82,8 @@ class Tables:
         """Let a limit be no less than a value."""
         self.limits[limit] = str(max(value, int(self.limits.get(limit, 0))))
 
-    def _part(self, part: ActingSkill) -> list[str]:
+    def _part(self, skill: Skill, index: int) -> list[str]:
+        part = skill.acting_parts[index]
         fields = [leaf.gated.logits.coefficients for leaf in part.leaves]
         count = sum(map(len, fields))
         self._raise("COMPONENTS_", count)
@@ -87,6 +94,8 @@ class Tables:
             self._table("double", part.attractor),
             self._table("double", part.anchor),
         ]
+        if isinstance(skill, ChainedSkill):
+            record += self._chained(skill, index)
         if self.features["MERGED"]:
             mergers = [self._merger(node, first) for node, first in merged_nodes(part)]
             record += [str(len(fields)), self._ends(map(len, fields)), str(len(mergers))]
@@ -94,6 +103,35 @@ class Tables:
         if self.features["LINKS"]:
             links = [self._link(link) for link in part.coordinates.links]
             record += [str(len(links)), self._records("skill_link_", links) if links else NONE]
+        return record
+
+    def _stage(self, skill: Skill, index: int, stage: Skill) -> list[str]:
+        first = sum(len(each.acting_parts) for each in stages_of(skill)[:index])
+        record = [str(first), str(len(stage.acting_parts))]
+        if self.features["SELECTS"]:
+            record.append(NONE)
+            if len(stage.acting_parts) > 1:
+                regions = self._densities(stage.influences, stage.shares)
+                record[-1] = self._records("skill_densities_", [regions])
+        if isinstance(skill, ChainedSkill):
+            events = [
+                (quoted(event), number(float(event.removeprefix(WAIT)) if event.startswith(WAIT) else -1.0))
+                for event in skill.events[index]
+            ]
+            record += [str(len(events)), self._records("skill_event_", events) if events else NONE]
+        return record
+
+    def _chained(self, chain: ChainedSkill, index: int) -> list[str]:
+        """Return what a part of a chain has beside others."""
+        part, stage = chain.acting_parts[index], chain.stage_of(index)
+        table = self._table("double", part.lyapunov.ravel())
+        record = [str(stage), number(math.sqrt(chain.levels[stage])), table]
+        if self.features["BACK"]:
+            density = part.density
+            origin = density.priors @ density.means
+            self._raise("TERMS_", density.n_components)
+            tables = (self._table("double", each) for each in (origin, density.coefficients(origin)))
+            record += [str(density.n_components), *tables]
         return record
 
     def _merger(self, node: Skill, first: int) -> list[str]:
@@ -175,22 +213,25 @@ def features_of(skill: Skill) -> dict[str, bool]:
     links = {type(inner_of(link)[0]) for part in parts for link in part.coordinates.links}
     gates = {node.gate for part in parts for node, _ in merged_nodes(part)}
     unknown = [
-        *({skill.kind} - {"seds", "merged", "combined"}),
+        *({skill.kind} - {"seds", "merged", "combined", "chain"}),
         *({type(space)} - {Euclidean, Pose}),
         *(links - {Shears, KeepOut}),
         *(gates - {"superposition", "density", "experts"}),
     ]
     if unknown:
         raise UsageError(f"{unknown[0]}: there is no C for it.", hint="Write .json or .npz.")
-    turns = np.stack([part.attractor for part in parts])[:, space.positions :]
+    selects = any(len(stage.acting_parts) > 1 for stage in stages_of(skill))
+    chained = isinstance(skill, ChainedSkill)
     return {
+        "CHAIN": chained,
+        "BACK": isinstance(skill, ChainedSkill) and skill.on_jump == "back",
+        "STAGES": chained or selects,
         "POSE": not space.flat,
         "BENT": not all(part.plain for part in parts),
         "FASTER": skill.outer_speed != 1,
-        "SELECTS": len(parts) > 1,
-        "RESELECTS": len(parts) > 1 and skill.reselects,
-        "CHARTS": not space.flat and bool((turns != turns[0]).any()),
-        "DENSITIES": len(parts) > 1 or "density" in gates,
+        "SELECTS": selects,
+        "RESELECTS": selects and skill.reselects,
+        "DENSITIES": selects or "density" in gates,
         "MERGED": bool(gates),
         "SHARED": "density" in gates,
         "EXPERTS": "experts" in gates,
@@ -198,6 +239,11 @@ def features_of(skill: Skill) -> dict[str, bool]:
         "SHEARS": Shears in links,
         "BODIES": KeepOut in links,
     }
+
+
+def stages_of(skill: Skill) -> tuple[Skill, ...]:
+    """Return the stages of a chain; of any other skill itself."""
+    return skill.parts if isinstance(skill, ChainedSkill) else (skill,)
 
 
 def merged_nodes(part: Skill, first: int = 0) -> Iterator[tuple[Skill, int]]:

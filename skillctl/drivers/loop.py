@@ -131,9 +131,8 @@ class Loop:
         began = driver.now()
         while (measured := driver.state()) is None:
             if driver.now() - began > CONNECTING:
-                place = getattr(driver, "place", "the robot")
                 raise NotFoundError(
-                    f"no state came from {place} within {CONNECTING:g} s.",
+                    f"no state came from {driver.place} within {CONNECTING:g} s.",
                     hint="Start the robot's side first, and check address and frame.",
                 )
             driver.wait(driver.now() + self._period)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,10 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import StateError, UsageError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
-from skillctl.stability.report import Certificate
+from skillctl.stability.report import Certificate, PartCertificate
 from skillctl.store import Artifact
 
 LONGEST_PERIOD = 0.01  # [s], of the rollout
@@ -25,7 +26,7 @@ class Region:
     """The region of influence of one part of a combined skill: the basin of its attractor, if latched.
 
     Attributes:
-        part: Counted from 1.
+        part: Counted from 1; of a chain, over all parts of its stages.
         prior: β; the part acts where its β r is largest.
         attractor: Where it ends, a state.
         target: The same in the numbers in which a target is given: a pose as x, y, z, qx, qy, qz, qw.
@@ -78,23 +79,32 @@ class Place:
 
 
 def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ...]:
-    """Return the regions of a combined skill; none for other skills."""
-    skill = artifact.skill
-    if not isinstance(skill, CombinedSkill):
-        return ()
+    """Return the regions of a combined skill, or of the stages of a chain that are; none for other skills."""
+    skill, found = artifact.skill, list[Region]()
+    proofs, taught = iter(certificate.parts), iter(artifact.demonstrations)
+    for stage in skill.parts if isinstance(skill, ChainedSkill) else (skill,):
+        proved = [next(proofs) for _ in stage.acting_parts]
+        motions = [next(taught) for _ in stage.leaves]
+        if isinstance(stage, CombinedSkill):
+            found += _regions(stage, motions, proved)
+    return tuple(found)
+
+
+def _regions(
+    skill: CombinedSkill, taught: Sequence[DemonstrationSet | None], proofs: Sequence[PartCertificate]
+) -> Iterator[Region]:
     from skillctl.evaluate.coverage import selected_shares  # late: other skills need nothing of it
 
     rows = zip(
         skill.part_priors.tolist(),
         skill.part_attractors,
-        certificate.parts,
-        selected_shares(skill, artifact.demonstrations),
+        proofs,
+        selected_shares(skill, taught),
         strict=True,
     )
-    return tuple(
-        Region(number, prior, tuple(attractor.tolist()), proof.radius, *share, skill.space.given(attractor))
-        for number, (prior, attractor, proof, share) in enumerate(rows, start=1)
-    )
+    for prior, attractor, proof, share in rows:
+        place = tuple(attractor.tolist()), proof.radius
+        yield Region(proof.part, prior, *place, *share, skill.space.given(attractor))
 
 
 def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Place:

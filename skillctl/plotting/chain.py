@@ -38,15 +38,17 @@ def draw_handovers(axes: Axes, portrait: Portrait, pair: tuple[int, int]) -> Non
     chain = portrait.skill
     if not isinstance(chain, ChainedSkill):
         return
+    ends: dict[tuple[float, float], dict[int, None]] = {}  # stages by where they end
     for index, part in enumerate(chain.acting_parts):
         stage = chain.stage_of(index)
+        x, y = portrait.coordinates(part.attractor, pair).tolist()
+        ends.setdefault((x, y), {})[stage + 1] = None
         colour = style.part_colour(stage)
         border = portrait.coordinates(outline(part, float(chain.levels[stage]), pair), (0, 1)).T
         axes.add_patch(Polygon(border, fc=style.to_tint(colour, 0.35), ec=colour, lw=1.0, zorder=6.5))
-        place = portrait.coordinates(part.attractor, pair)
-        axes.annotate(
-            str(stage + 1), tuple(place), (5, 4), textcoords="offset points", zorder=8, **style.NUMBERED
-        )
+    for place, numbers in ends.items():
+        text = ", ".join(map(str, numbers))
+        axes.annotate(text, place, (5, 4), textcoords="offset points", zorder=8, **style.NUMBERED)
 
 
 def outline(part: ActingSkill, level: float, pair: tuple[int, int]) -> FloatArray:

@@ -16,6 +16,7 @@ from skillctl.simulation.avoid import Avoidance
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
+PUSH_MEMORY = 1.0  # [s]: what a push adds up to within about this time counts as a jump
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
 WORKSPACE_RADIUS = 3.0  # [m]: a plan that goes farther diverges
@@ -63,6 +64,8 @@ class Motion:
         self._moved = np.zeros(self._ends.shape[1])
         self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
         self._speed, self._turning = 0.0, 0.0
+        self._led: FloatArray | None = None  # where commands have led a hand that nobody pushes
+        self._given = np.zeros(len(self._moved))  # the last velocity, as far as the joints allowed
 
     def follow_cup(self, offset: FloatArray) -> None:
         """Move the skill with the cup by ``offset`` (3,) [m]; of a chain, the stages that are bound to it."""
@@ -80,6 +83,7 @@ class Motion:
     def take_again(self) -> None:
         """Begin the first stage of a chain that is bound to the cup anew."""
         self._controller.go(self._at_cup[0])
+        self._led = None
 
     @property
     def event(self) -> str | None:
@@ -146,6 +150,7 @@ class Motion:
             )
             max_turn = max(fastest, SLOWEST)
         place = place - self._moved
+        self._notice_push(place)
         inner = self._controller.step(
             self._placement.to_state(place),
             busy=busy,
@@ -157,12 +162,32 @@ class Motion:
         if speed > limit:  # only the velocity towards a plane can add to the skill's own
             velocity *= limit / speed
         self._speed = min(speed, limit)
+        self._given = velocity
         return velocity
+
+    def _notice_push(self, place: FloatArray) -> None:
+        """Begin a stage anew, which may choose another part, where a hand that yields was pushed away.
+
+        It moves steadily, so no step of it is a jump to the controller; all of them together are one.
+        """
+        skill, controller = self._skill, self._controller
+        if not isinstance(skill, ChainedSkill):
+            return
+        led = place
+        if self._led is not None:
+            led = self._space.displace_at(self._led, self._period * self._given)
+        gap = self._space.difference_at(place, led)
+        pushed = self._space.speeds(gap)[0] > self._placement.scale * skill.disturbance_distance
+        if pushed and controller.stage is not None and controller.event is None:
+            controller.go(controller.stage)
+            led, gap = place, 0 * gap
+        self._led = self._space.displace_at(led, self._period / PUSH_MEMORY * gap)
 
     def slowed(self, factor: float) -> None:
         """Take into account that only this share of the last velocity was commanded."""
         self._speed *= factor
         self._turning *= factor
+        self._given = factor * self._given
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -12,6 +12,7 @@ TORQUE_PERIOD = 1e-3  # [s], of the fastest real arm controllers
 DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks for
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
+FOLLOWING_STIFFNESS, FOLLOWING_DAMPING = 20.0, 4.0  # the same of a posture that follows
 FOLLOWED = 4  # periods between two postures that follow: about 1/240 s, as of stiff arms
 # Of J Jᵀ, tuned by hand: below it J is damped, so that a stretched arm gets finite velocities and its posture
 # pulls it back. With a third of it, an xArm6 that 80 N have folded over stays so; with three times as much,
@@ -76,7 +77,9 @@ class TorqueArm(LiveArm):
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
         """Let one period pass: see ``LiveArm``."""
         state = self.state
+        held, slowed = POSTURE_STIFFNESS, POSTURE_DAMPING
         if self.posture_follows:
+            held, slowed = FOLLOWING_STIFFNESS, FOLLOWING_DAMPING
             self._follow()
         self._places[self._columns] = state.joints
         jacobian = self.body.jacobian(self._places)[: self._rows]
@@ -91,9 +94,9 @@ class TorqueArm(LiveArm):
         if self._stiffness.any():
             wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
         free = np.eye(len(inverse)) - inverse @ jacobian
-        spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
-        stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
-        damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
+        spring = jacobian.T @ wrench + free @ (held * (self._posture - state.joints))
+        stiffness = (jacobian.T * self._stiffness) @ jacobian + held * free
+        damping = (jacobian.T * self._damping) @ jacobian + slowed * free
         carrying = self.load * jacobian[2]  # as gravity, not a part of what is predicted
         self._apply(self._implicit(spring, stiffness, damping) + carrying, push)
         return share

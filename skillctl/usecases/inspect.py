@@ -114,7 +114,7 @@ class InspectReport:
         tree: The skill and its parts.
         leaves: The learned skills at the ends of the tree.
         certificate: What is proved of it, derived now.
-        regions: Of a combined skill, the region of each part; empty for others.
+        regions: Of a combined skill, the region of each part, and so of a chain's stages; empty for others.
         timeline: Of a chain, its stages; None of others.
         at: What it does at the position that was given; None without one.
         reports: How well each leaf repeats each of its demonstrations.

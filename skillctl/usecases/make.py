@@ -12,6 +12,7 @@ from skillctl.compose.parts import notes_on
 from skillctl.demonstrations.formats import digest_of
 from skillctl.errors import FitError, InputDataError
 from skillctl.evaluate.errors import report_errors
+from skillctl.model.golden import golden_motions
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.stability.certificate import certify
@@ -208,7 +209,7 @@ def child_artifact(
     """
     demonstrations = carried_demonstrations(sources, child.leaves, turn=turn)
     provenance = current_provenance(inputs=inputs, parents=parents_of(sources, role))
-    return Artifact(child, demonstrations, operation, provenance, tuple(reports))
+    return Artifact(child, demonstrations, operation, provenance, tuple(reports), golden_motions(child))
 
 
 def reports_on(artifact: Artifact) -> tuple[DemonstrationReport, ...]:

@@ -48,7 +48,7 @@ def test_the_units_that_can_be_typed_are_units_of_positions():
 
 def test_what_can_be_typed_about_a_scenario_is_in_scenarios():
     fields = {each.field for each in options_of(ScenarioOptions)}
-    assert fields - set(Scenario.model_fields) == {"push", "move_target", "displace"}  # disturbances
+    assert fields - set(Scenario.model_fields) == {"push", "move_target", "displace", "knock"}
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.bodies import Ball, Box, Cylinder, Ellipsoid
 from skillctl.model.coordinates.chain import Chain
@@ -27,6 +28,7 @@ KINDS = (
     *("learned", "in the plane", "in shears", "superposition", "densities", "experts", "nested"),
     *("merged in shears", "latched", "instantaneous", "pose", "pose in shears", "poses merged"),
     *("poses latched", "poses of one turn", "kept out", "kept out in shears", "pose kept out"),
+    *("chain", "chain that goes back", "chain of poses"),
 )
 
 
@@ -72,13 +74,18 @@ def skill_of(
         parts = make_pose_skill(rng(3)), make_pose_skill(rng(4), target=target)
         return CombinedSkill(parts, np.array([0.4, 0.6]), gate)
 
-    def poses_merged() -> Any:
-        return MergedSkill(
-            (make_pose_skill(rng(3)), make_pose_skill(rng(4))), np.array([0.4, 0.6]), "density"
-        )
-
     def away(bent: bool) -> Any:
         return learned(1, attractor=(0.9, 0.9, 0.9), bent=bent, spread=0.2)
+
+    def chained(on_jump: Any) -> Any:
+        parts = learned(1), combined("latched", bent=True), merged("density")
+        events = ("close", "wait 0.03"), (), ("open", "wait 0.055", "home")
+        return ChainedSkill(parts, np.array([2e-3, 1e-3, 5e-4]), events, on_jump)
+
+    def poses_chained() -> Any:
+        last = make_pose_skill(rng(6), target=(0.2, 0.2, 0.1, 0.0, 1.0, 0.0), bent=True)
+        parts = make_pose_skill(rng(3)), poses("latched", (0.1, 0.2, 0.3, 1.0, 0.0, 0.2)), last
+        return ChainedSkill(parts, np.array([2e-3, 1e-3, 5e-4]), (("close",), ("wait 0.03",), ()), "back")
 
     makers: dict[str, Callable[[], Any]] = {
         "learned": lambda: learned(1, n_components=7),
@@ -93,11 +100,16 @@ def skill_of(
         "instantaneous": lambda: combined("instantaneous", bent=False),
         "pose": lambda: make_pose_skill(rng(3)),
         "pose in shears": lambda: make_pose_skill(rng(3), bent=True),
-        "poses merged": poses_merged,
+        "poses merged": lambda: MergedSkill(
+            (make_pose_skill(rng(3)), make_pose_skill(rng(4))), np.array([0.4, 0.6]), "density"
+        ),
         "poses latched": lambda: poses("latched", (0.1, 0.2, 0.3, 1.0, 0.0, 0.2)),
         "poses of one turn": lambda: poses("instantaneous", (0.1, 0.2, 0.3, 0.0, 2.0, -1.0)),
         "kept out": lambda: kept_out(away(bent=False), BODIES, margin=0.02),
         "kept out in shears": lambda: kept_out(away(bent=True), BODIES[2:], margin=0.02),
+        "chain": lambda: chained("stay"),
+        "chain that goes back": lambda: chained("back"),
+        "chain of poses": poses_chained,
         "pose kept out": lambda: kept_out(make_grasp(), BODIES[:1], margin=0.02),
     }
     assert set(makers) == set(KINDS)

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,8 @@ def test_ten_thousand_states_are_compared(skill_of):
         ("learned", r"(_table_1_\[[^=]*= \{\{-?)0x1\.", "0x1.00001"),  # a matrix, by one part in a million
         ("latched", r"(_DISTURBANCE )0x1\S+", "0x1p+9"),  # no push is noticed
         ("pose", r"(_SEAM_ )\S+", "0x1p+9"),  # no side is kept
+        ("chain", r'(\{"wait 0.03", )0x[^}]+', "0x1p-20"),  # the stage goes on at once
+        ("chain", r"(_ROUNDING_ )\S+", "0x1p+1"),  # two periods less are waited
         ("in shears", r"(_CLOSE_ )\S+", "0x1p-20"),  # a limit that is hardly kept
     ],
 )
@@ -86,6 +89,42 @@ def test_a_header_that_differs_is_found_out(few, skill_of, kind, pattern, value)
     changed = re.sub(pattern, rf"\g<1>{value}", header, count=1)
     assert changed != header
     assert check(skill, changed, (), 0.01, surroundings()).problem
+
+
+def test_a_chain_that_stays_is_not_one_that_goes_back(few, skill_of):
+    chain = skill_of("chain that goes back")
+    header = exported_c99(replace(chain, on_jump="stay"), "reach")
+    assert "remembers something else" in check(chain, header, (), 0.01, surroundings()).problem
+
+
+def test_a_chain_in_c_does_one_thing_after_the_other(compiled, skill_of):
+    """The motion, its events and their order are known from the chain itself."""
+    chain = skill_of("chain")
+    program = """
+        #include <stdio.h>
+        #include <string.h>
+        #include "pick.h"
+        int main(void)
+        {
+            double state[3] = {0.6, 0.3, 0.1}, command[3];
+            const char *last = "";
+            skill_controller c;
+            int steps, i;
+            skill_begin_unproved(&c, 0.01);
+            if (skill_go(&c, 3) != SKILL_BAD_STAGE || skill_stage(&c) != -1) return 1;
+            for (steps = 0; steps < 20000 && !c.done; ++steps) {
+                if (skill_step(&c, state, command) != SKILL_OK) return 1;
+                if (c.event != NULL && strcmp(c.event, last) != 0) {
+                    printf("%d %s, ", skill_stage(&c), c.event);
+                }
+                last = c.event == NULL ? "" : c.event;
+                for (i = 0; i < 3; ++i) state[i] = c.next[i];
+            }
+            printf("%d %d", skill_stage(&c), skill_remaining(state) < 0.05);
+            return 0;
+        }"""
+    happened = [f"{stage} {event}" for stage, events in enumerate(chain.events) for event in events]
+    assert compiled(program, pick=exported_c99(chain, "pick")) == ", ".join([*happened, "2 1"])
 
 
 def test_a_header_that_does_not_compile_is_a_problem(few, skill_of):

@@ -68,11 +68,16 @@ def test_the_hand_arrives_along_the_skill_and_rests_within_the_limits(lead, posi
 def test_poses_keep_both_speeds_and_arrive_in_both(lead, make_grasp):
     skill = make_grasp()
     start = skill.space.placed(np.array([-0.2, 0.2, 0.1, 0.1, -0.1, 0.15]), skill.attractor)
-    run = lead(skill, start, max_speed=0.1, max_turn=0.3)
+    accelerations = {"max_acceleration": 0.5, "max_turn_acceleration": 0.8}
+    run = lead(skill, start, max_speed=0.1, max_turn=0.3, **accelerations)
     assert run.ending.outcome == "arrived"
     moving, turning = skill.space.magnitudes(run.rows.command)
     assert moving.max() <= 0.1 * (1 + ROUNDING)
     assert turning.max() <= 0.3 * (1 + ROUNDING)
+    changes = np.diff(run.rows.command, axis=0, prepend=0)
+    moving, turning = skill.space.magnitudes(changes)
+    assert moving.max() <= 0.5 * PERIOD * (1 + ROUNDING)
+    assert turning.max() <= 0.8 * PERIOD * (1 + ROUNDING)
     moved, turned = skill.space.apart(run.loop.state, skill.attractor)
     assert (moved < 0.002, turned < 0.035) == (True, True)
 
@@ -90,21 +95,23 @@ def test_what_takes_too_long_is_ended_at_rest(lead, positions):
     assert (run.driver.commands[-1] == 0).all()
 
 
+@pytest.mark.parametrize(("axis", "side"), [("z", 1), ("x", -1)])  # the way leads down, and to larger x
 @pytest.mark.parametrize(("acceleration", "jerk"), [(0.2, None), (5.0, None), (1.0, 10.0)])
-def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, acceleration, jerk):
+def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, axis, side, acceleration, jerk):
     monkeypatch.setattr(fake, "LAG", 1e-9)  # the way that a robot lags behind is its own
     arm = FakeArm(Setup("", positions, start=np.array(START)))
-    limits = RunOptions(
-        box=((-9.0, 9.0), (-9.0, 9.0), (0.45, 9.0)), max_acceleration=acceleration, max_jerk=jerk
-    )
-    # Not connected, which would refuse the target: it is below the box.
+    ranges = dict.fromkeys("xyz", (-9.0, 9.0)) | {axis: (0.45, 9.0) if side > 0 else (-9.0, 0.45)}
+    limits = RunOptions(box=tuple(ranges.values()), max_acceleration=acceleration, max_jerk=jerk)
+    # Not connected, which would refuse the target: it is outside the box.
     loop = Loop(arm, positions, limits)
     assert loop.drive([]).outcome == "left the box"
     arm.wait(arm.now() + 1.0)
-    assert min(loop.rows.state[:, 2]) >= 0.45
+    index = "xyz".index(axis)
+    within = side * (loop.rows.state[:, index] - 0.45)
+    assert within.min() >= 0
     # And not much before: by the margin, and by as much as the place of rest moves by one command.
     fastest = 0.25 + acceleration * PERIOD + (acceleration**2 / jerk if jerk else 0.0)
-    assert 0.45 <= arm.state().numbers[2] < 0.45 + 4 * PERIOD * fastest
+    assert 0 <= side * (arm.state().numbers[index] - 0.45) < 4 * PERIOD * fastest
 
 
 @pytest.mark.parametrize("jerk", [np.inf, 10.0])

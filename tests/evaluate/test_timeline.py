@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skillctl import store
-from skillctl.evaluate.place import at
+from skillctl.evaluate.place import at, regions_of
 from skillctl.evaluate.timeline import stage_ends, timeline_of
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
@@ -158,3 +158,15 @@ def test_the_command_shows_the_stages_to_people_and_programs(run, chain_file):
     place = run("inspect", path, "--at", "0.1,0.1").stdout
     assert "acts      stage 1, of a motion that starts here\n" in place
     assert "after a jump here in the last stage\n" in place
+
+
+def test_combined_stages_have_their_regions(chained, library, tmp_path):
+    from skillctl.usecases.combine import combine
+
+    both = combine(["curve", "hook"], output=tmp_path / "both.h5", store=library).written.path
+    alone = regions_of(artifact := store.read_skill(both), certify(artifact.skill))
+    chain = chained("hook", str(both), "curve")
+    found = regions_of(chain, certify(chain.skill))
+    assert [region.part for region in found] == [2, 3]  # the first is the only one of stage 1
+    assert [replace(region, part=region.part - 1) for region in found] == list(alone)
+    assert regions_of(chained("curve", "hook"), certify(chained("curve", "hook").skill)) == ()

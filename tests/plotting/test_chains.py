@@ -119,6 +119,20 @@ def test_outlines_are_drawn_in_every_view_with_the_number_of_the_stage(chained, 
     assert not any(text.startswith(("field", "level", "position density")) for text in written)
 
 
+def test_stages_that_end_in_one_place_share_a_label(chained, texts):
+    shown = chained()
+    chain = shown.skill
+    again = replace(
+        chain,
+        parts=(*chain.parts, chain.parts[0]),
+        levels=np.full(4, LEVEL),
+        events=(*chain.events, ()),
+    )
+    written = texts(draw_skill(portrait_of("again", again, [None] * 4), "chain"))
+    assert "1, 4" in written
+    assert [written.count(number) for number in "1234"] == [1, 2, 2, 1]  # beside the speeds each has its own
+
+
 @pytest.mark.parametrize(("dimension", "panel"), [(1, 1), (2, 1), (3, 3), (4, 4)])
 def test_speeds_have_bands_of_the_stages_and_their_events(chained, texts, dimension, panel):
     shown = chained(dimension)

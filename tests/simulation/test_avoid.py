@@ -171,11 +171,8 @@ def test_a_skill_among_a_scene_is_at_its_target_and_in_its_coordinates(linear):
 
 def chain_of(linear, *targets):
     """Return a chain that closes the fingers after its first stage and opens them after the last but one."""
-    events = [()] * len(targets)
-    events[0], events[-2] = ("close",), ("open",)
-    return ChainedSkill(
-        parts=tuple(map(linear, targets)), levels=np.full(len(targets), 1e-4), events=tuple(events)
-    )
+    events = (("close",), *[()] * (len(targets) - 3), ("open",), ())
+    return ChainedSkill(parts=tuple(map(linear, targets)), levels=np.full(len(targets), 1e-4), events=events)
 
 
 def test_a_cup_in_the_hand_is_kept_out_of_the_boards_too(twin, linear):

@@ -232,6 +232,7 @@ def test_places_and_knocks_are_drawn_and_change_nothing_else() -> None:
         assert 0.55 <= more.place.place[0] <= 0.6
         assert -0.3 <= more.place.place[1] <= 0.3
         (drawn_knock,) = more.disturbances
+        assert isinstance(drawn_knock, Knock)
         assert 1.0 <= drawn_knock.time <= 2.0
         assert drawn_knock.offset == knock.offset
         assert (more.cup, more.start, more.seed) == (plain.cup, plain.start, plain.seed)

@@ -38,7 +38,7 @@ def test_the_ends_are_exact_and_nothing_says_nothing() -> None:
 def test_lost_cups_are_counted_once_an_episode() -> None:
     def row(success: bool, lost: int, stood: int, tries: int) -> Row:
         measured = {each.name: 0.0 for each in fields(Metrics)}
-        metrics = Metrics(**{**measured, "cup_lost": lost, "cup_stood": stood, "cup_tries": tries})  # type: ignore[arg-type]
+        metrics = Metrics(**{**measured, "cup_lost": lost, "cup_stood": stood, "cup_tries": tries})
         return Row(0, Scenario(), "placed" if success else "dropped", "", metrics, None)
 
     nothing_lost, fell, twice = row(True, 0, 0, 1), row(False, 1, 0, 1), row(True, 2, 2, 3)

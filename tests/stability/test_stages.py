@@ -122,6 +122,7 @@ def test_a_stage_begins_wherever_a_part_of_the_stage_before_may_end(make_skill):
     both = CombinedSkill(ends, [0.5, 0.5])
     course = certify(ChainedSkill((both, line_skill(make_skill, end=1.0)), [0.01, 0.01], [(), ()])).course
     assert course.stages[0].parts == (1, 2)
+    assert course.stages[0].highest == pytest.approx(36.0, rel=1e-9)  # from −2 to 4, farther than from 2
     assert course.stages[1].highest == pytest.approx(3.1**2, rel=1e-9)
 
 

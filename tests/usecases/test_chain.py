@@ -12,7 +12,9 @@ from skillctl.compose.options import ChainOptions, CombineOptions, MergeOptions
 from skillctl.errors import FitError, UsageError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
+from skillctl.model.pose import Pose
 from skillctl.model.rollout import rollout
+from skillctl.model.seds import SedsSkill
 from skillctl.options import Length
 from skillctl.store.source import open_skill
 from skillctl.usecases.adapt import adapt
@@ -91,6 +93,7 @@ def test_poses_are_counted_in_one_characteristic_length(make_grasp, tmp_path):
     combine([tmp_path / "1.h5", tmp_path / "2.h5"], output=tmp_path / "both.h5")
     report = chain([tmp_path / f for f in ("1.h5", "2.h5", "both.h5")], output=tmp_path / "n.h5")
     made = load(tmp_path / "n.h5")
+    assert isinstance(made.space, Pose)
     assert made.space.length == pytest.approx((0.2 * 0.3 * 0.06**0.5) ** (1 / 3))
     assert len(report.parts[2].targets) == 2
     assert len(report.parts[0].targets[0]) == 7
@@ -155,6 +158,7 @@ def test_combining_in_sequence_is_chaining(run, library, tmp_path):
 
 def test_an_unproved_stage_is_refused(library, tmp_path):
     curve = load("curve", store=library)
+    assert isinstance(curve, SedsSkill)
     save(replace(curve, system_matrices=-curve.system_matrices), tmp_path / "unstable.h5")
     with pytest.raises(FitError, match="part 2: leaf 1, component 1"):
         chain(["curve", tmp_path / "unstable.h5"], store=library, output=tmp_path / "n.h5")
