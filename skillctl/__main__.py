@@ -10,9 +10,18 @@ import gc
 import os
 import signal
 import sys
+import threading
+import time
 import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from skillctl.errors import Terminated
+
+if TYPE_CHECKING:
+    from skillctl.cli.exit_codes import ExitCode
+
+GRACE = 5.0  # [s], for whoever unwinds in order
 
 
 def main() -> None:
@@ -49,6 +58,7 @@ def _run() -> None:
         return
     from skillctl.cli.app import app
 
+    _end_in_time()
     app(prog_name="skillctl")
 
 
@@ -63,6 +73,28 @@ def _fill_descriptors() -> None:
     os.close(descriptor)
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it lasts as long as the program
+
+
+def _end_in_time() -> None:
+    """Let SIGTERM and Ctrl-C end the process after a while, even if Python's handlers have to wait.
+
+    They do for as long as one product of large matrices takes. What is half written then is swept later.
+    """
+    from skillctl.cli.exit_codes import ExitCode  # late, as all imports of this module
+
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
+    threading.Thread(target=_end_late, args=(reading, codes), daemon=True).start()
+
+
+def _end_late(signals: int, codes: Mapping[int, ExitCode]) -> None:
+    while (code := codes.get(os.read(signals, 1)[0])) is None:
+        pass
+    time.sleep(GRACE)
+    os.write(2, f"error: {code.meaning}.\n".encode())
+    os._exit(code)
 
 
 def _terminate(*_: object) -> None:

@@ -106,9 +106,31 @@ def damaged(path, how):
         elif how == "group":
             del log["t"]
             log.create_group("t")
+        elif how == "scalar":
+            del log["t"]
+            log["t"] = 1.0
+        else:
+            rest = log[how][1:]
+            del log[how]
+            log[how] = rest
 
 
-@pytest.mark.parametrize("how", ["cut", "without states", "text", "shorter", "backwards", "group"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "cut",
+        "without states",
+        "text",
+        "shorter",
+        "backwards",
+        "group",
+        "scalar",
+        "t",
+        "state",
+        "command",
+        "resting",
+    ],
+)
 def test_a_damaged_log_is_refused_in_words(logged, library, tmp_path, how):
     (path := tmp_path / "bad.h5").write_bytes(logged[1].read_bytes())
     damaged(path, how)
