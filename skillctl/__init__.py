@@ -12,13 +12,13 @@
 
 Positions are in the unit of the skill (m, or rad for joints) and in its frame; ``skill.space`` has both.
 
-``learn``, ``merge`` and ``combine`` do what the commands of these names do: they make a skill, prove it,
-write it to a file (``output=``) or into the store (``name=``) together with what it was made from, and
-return a report with ``written`` and ``certificate``. ``load`` returns the skill itself, an immutable value
-with ``velocity``, ``translated``, ``leaves`` and ``space``. ``save`` writes a skill that was changed in
-Python, without a proof and without a history. A path may be given as text; a ``Path`` is always a file. All
-errors are subclasses of `SkillctlError` in `skillctl.errors`, and have the ``hint`` that the command would
-print; a state that is not finite raises `StateError`.
+``learn``, ``merge``, ``combine`` and ``chain`` do what the commands of these names do: they make a skill,
+prove it, write it to a file (``output=``) or into the store (``name=``) together with what it was made
+from, and return a report with ``written`` and ``certificate``. ``load`` returns the skill itself, an
+immutable value with ``velocity``, ``translated``, ``leaves`` and ``space``. ``save`` writes a skill that
+was changed in Python, without a proof and without a history. A path may be given as text; a ``Path`` is
+always a file. All errors are subclasses of `SkillctlError` in `skillctl.errors`, and have the ``hint``
+that the command would print; a state that is not finite raises `StateError`.
 
 A name is imported when it is first used. Everything else, such as ``MergedSkill``, is imported from the
 module that defines it: ``from skillctl.model.merged import MergedSkill``.
@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from skillctl.adapt.options import TaskOptions
-    from skillctl.compose.options import CombineOptions, MergeOptions
+    from skillctl.compose.options import ChainOptions, CombineOptions, MergeOptions
     from skillctl.demonstrations.options import Reading
     from skillctl.errors import SkillctlError
     from skillctl.learning.options import LearnOptions
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from skillctl.model.kept_out import kept_out
     from skillctl.model.rollout import rollout
     from skillctl.simulation.scenario import Scenario
+    from skillctl.usecases.chain import chain
     from skillctl.usecases.combine import combine
     from skillctl.usecases.files import load, save
     from skillctl.usecases.inspect import inspect
@@ -52,6 +53,7 @@ __version__ = "0.2.0.dev0"
 __all__ = [
     "Ball",
     "Box",
+    "ChainOptions",
     "CombineOptions",
     "Controller",
     "Cylinder",
@@ -63,6 +65,7 @@ __all__ = [
     "SkillctlError",
     "TaskOptions",
     "__version__",
+    "chain",
     "combine",
     "inspect",
     "kept_out",
@@ -78,6 +81,7 @@ __all__ = [
 _HOMES = {
     "Ball": "skillctl.model.coordinates.bodies",
     "Box": "skillctl.model.coordinates.bodies",
+    "ChainOptions": "skillctl.compose.options",
     "CombineOptions": "skillctl.compose.options",
     "Controller": "skillctl.model.controller",
     "Cylinder": "skillctl.model.coordinates.bodies",
@@ -88,6 +92,7 @@ _HOMES = {
     "Scenario": "skillctl.simulation.scenario",
     "SkillctlError": "skillctl.errors",
     "TaskOptions": "skillctl.adapt.options",
+    "chain": "skillctl.usecases.chain",
     "combine": "skillctl.usecases.combine",
     "inspect": "skillctl.usecases.inspect",
     "kept_out": "skillctl.model.kept_out",

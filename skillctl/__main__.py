@@ -10,14 +10,24 @@ import gc
 import os
 import signal
 import sys
+import threading
+import time
 import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from skillctl.errors import Terminated
+
+if TYPE_CHECKING:
+    from skillctl.cli.exit_codes import ExitCode
+
+GRACE = 5.0  # [s], for whoever unwinds in order
 
 
 def main() -> None:
     """Run the command line and exit with the code that `skillctl.cli.errors` gives the outcome."""
     signal.signal(signal.SIGTERM, _terminate)
+    sys.unraisablehook = _soon_again
     _fill_descriptors()
     try:
         _run()
@@ -48,6 +58,7 @@ def _run() -> None:
         return
     from skillctl.cli.app import app
 
+    _end_in_time()
     app(prog_name="skillctl")
 
 
@@ -64,8 +75,40 @@ def _fill_descriptors() -> None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it lasts as long as the program
 
 
+def _end_in_time() -> None:
+    """Let SIGTERM and Ctrl-C end the process after a while, even if Python's handlers have to wait.
+
+    They do for as long as one product of large matrices takes. What is half written then is swept later.
+    """
+    from skillctl.cli.exit_codes import ExitCode  # late, as all imports of this module
+
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
+    threading.Thread(target=_end_late, args=(reading, codes), daemon=True).start()
+
+
+def _end_late(signals: int, codes: Mapping[int, ExitCode]) -> None:
+    while (code := codes.get(os.read(signals, 1)[0])) is None:
+        pass
+    time.sleep(GRACE)
+    os.write(2, f"error: {code.meaning}.\n".encode())
+    os._exit(code)
+
+
 def _terminate(*_: object) -> None:
     raise Terminated
+
+
+def _soon_again(lost: sys.UnraisableHookArgs) -> None:
+    """Raise an interrupt once more that came while an object was removed, where Python goes on after it."""
+    if lost.exc_type is None or not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+    signal.signal(signal.SIGALRM, signal.getsignal(number))
+    signal.setitimer(signal.ITIMER_REAL, 0.001)  # when this function has ended
 
 
 def _print_version() -> None:

@@ -15,13 +15,17 @@ def row(path: Path) -> tuple[str, ...]:
     skill, scenario = path.stem.split("--")
     low, high = report["interval"]
     time = report["medians"]["time_to_target"]
+    failures = [f"{count} {kind}" for kind, count in report["failures"].items()]
+    lost = report.get("lost", {})
+    if lost.get("stood"):
+        failures.append(f"{lost['succeeded']} of {lost['stood']} lost cups that stood in reach set down")
     return (
         skill,
         scenario,
         f"{report['successes']} of {report['episodes']}",
         f"{low:.0%} to {high:.0%}".replace("%", " %"),
         "–" if time is None else f"{time:.2f} s",
-        ", ".join(f"{count} {kind}" for kind, count in report["failures"].items()) or "–",
+        ", ".join(failures) or "–",
     )
 
 

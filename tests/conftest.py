@@ -317,3 +317,41 @@ def library(
         learn(files, name=name, store=store, options=fast)
     learn(curve_files, name="plain", store=store, options=LearnOptions(metric="euclidean", preset="fast"))
     return store
+
+
+@pytest.fixture(scope="session")
+def chained(library: Path) -> Callable[..., Any]:
+    """Return a maker of artifacts of chains, of skills in the library, each over at one level of its V."""
+    import numpy as np
+
+    from skillctl import store
+    from skillctl.model.chained import ChainedSkill
+    from skillctl.store.source import carried_reports, open_skill
+    from skillctl.store.ties import stage_role
+
+    def make(*names: str, level: float = 1e-4, events: Any = None, **options: Any) -> Any:
+        sources = [open_skill(name, library) for name in names]
+        levels, quiet = np.full(len(names), level), ((),) * len(names)
+        skill = ChainedSkill(tuple(source.skill for source in sources), levels, events or quiet, **options)
+        parents = [source.as_parent(stage_role(i)) for i, source in enumerate(sources, start=1)]
+        return store.Artifact(
+            skill,
+            tuple(taught for source in sources for taught in source.artifact.demonstrations),
+            store.Operation(command="chain"),
+            store.current_provenance(parents=parents),
+            tuple(carried_reports(sources)),
+        )
+
+    return make
+
+
+@pytest.fixture
+def chain_file(chained: Callable[..., Any], tmp_path: Path) -> Callable[..., Path]:
+    """Return a writer of such artifacts, which returns the file."""
+    from skillctl import store
+
+    def write(*names: str, to: str = "chain.h5", **options: Any) -> Path:
+        store.write_file(path := tmp_path / to, store.encode(chained(*names, **options)))
+        return path
+
+    return write

@@ -71,6 +71,13 @@ def test_verify_stability_needs_neither_scipy_nor_pybullet(tmp_path, library):
     assert loaded.isdisjoint({"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib"})
 
 
+def test_running_needs_no_simulator_and_no_library_of_a_robot(tmp_path, library):
+    loaded = packages("run", "curve", "--store", library, cwd=tmp_path)
+    assert "h5py" in loaded  # the report does see imports
+    assert loaded.isdisjoint({"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib"})
+    assert loaded.isdisjoint({"franky", "rtde_control", "rclpy"})
+
+
 def test_diff_needs_neither_scipy_nor_pybullet(tmp_path, library):
     loaded = packages("diff", "curve", "plain", "--store", library, cwd=tmp_path)
     assert loaded.isdisjoint({"scipy", "pybullet", "pybullet_data", "rich", "PIL", "matplotlib"})

@@ -71,7 +71,7 @@ def test_every_command_is_named_and_every_command_typed_exists():
     assert typed <= set(COMMANDS)
     (around,) = re.findall(r"^And around them:\n\n(.*?)\n\n", README, re.MULTILINE | re.DOTALL)
     main = set(re.findall(r"^\*\*([a-z-]+)\*\*", README, re.MULTILINE))
-    assert len(main) == 7
+    assert len(main) == 9
     assert main | set(re.findall(r"`([a-z][a-z-]*)(?: [^`]*)?`", around)) == set(COMMANDS)
 
 

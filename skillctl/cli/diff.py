@@ -13,6 +13,7 @@ from skillctl.cli.output import Output
 
 if TYPE_CHECKING:
     from skillctl.evaluate.comparison import FieldDifference
+    from skillctl.evaluate.stage_comparison import StageDifference
     from skillctl.usecases.diff import DiffReport
 
 EXAMPLES = """\b
@@ -74,9 +75,33 @@ def blocks(report: DiffReport) -> list[render.Block]:
     return [
         render.Facts(sides),
         render.Table(("metadata", "a", "b"), tuple(changes)),
+        *([_stages(report)] if report.stages else []),
         _numbers(report),
         render.Facts((*_motion(report), ("proved", _proofs(report)), ("result", result))),
     ]
+
+
+def _stages(report: DiffReport) -> render.Table:
+    """Return what has become of each stage of a chain."""
+
+    def motion(stage: StageDifference) -> str:
+        if stage.a is None or stage.b is None:
+            return "only in b" if stage.a is None else "only in a"
+        return "the same" if stage.same_motion else "another"
+
+    columns = {
+        "stage of a": lambda stage: words.NONE if stage.a is None else stage.a,
+        "of b": lambda stage: words.NONE if stage.b is None else stage.b,
+        "motion": motion,
+        "targets apart": lambda stage: words.apart(stage.target, stage.target_angle, report.unit),
+        "level": lambda stage: _became(*(words.number(level) for level in stage.levels)),
+        "events": lambda stage: _became(*(", ".join(each or ()) or words.NONE for each in stage.events)),
+    }
+    return render.table(report.stages, columns)
+
+
+def _became(before: str, after: str) -> str:
+    return before if before == after else f"{before} → {after}"
 
 
 def _numbers(report: DiffReport) -> render.Block:
@@ -98,11 +123,16 @@ def _numbers(report: DiffReport) -> render.Block:
 
 def _motion(report: DiffReport) -> list[tuple[str, str]]:
     behaviour, unit = report.behaviour, report.unit
-    if behaviour.grid is None:
+    if behaviour.incomparable == "other spaces":
         return [("behaviour", "not comparable: they live in different spaces")]
-    return [
+    fields = [
         ("velocity on demonstrations", _field(behaviour.demonstrations, unit)),
         ("velocity on a grid", _field(behaviour.grid, unit)),
+    ]
+    if behaviour.incomparable == "other stages":
+        fields = [("velocity", "not comparable: they have other stages")]
+    return [
+        *fields,
         ("motions apart", words.apart(behaviour.rollouts, behaviour.rollouts_angle, unit)),
         ("attractors apart", words.apart(behaviour.attractors, behaviour.attractors_angle, unit)),
     ]

@@ -17,6 +17,7 @@ from skillctl.options import RESULT, option, read_numbers
 
 if TYPE_CHECKING:
     from skillctl.evaluate.place import Place, Region
+    from skillctl.evaluate.timeline import Timeline
     from skillctl.store import DemonstrationReport
     from skillctl.usecases.history import Ancestor, LineageReport
     from skillctl.usecases.inspect import InspectReport, Node, StateMeaning
@@ -106,14 +107,16 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
     from skillctl.evaluate.errors import HeldOut
 
     space, unit, results = report.space, report.space.unit, report.operation.results
+    chain, part = report.timeline, "part" if report.timeline is None else "stage"
     facts = (
         ("skill", report.skill),
         *(() if for_page else (("file", words.near(report.path)),)),
         ("digest", report.digest),
-        ("kind", " ".join([report.kind, *_how(report.tree)])),
+        *((("kind", " ".join([report.kind, *_how(report.tree)])),) if chain is None else _chain(chain, unit)),
         ("space", f"{words.state(space.names, space.units)}, frame {space.frame}"),
         *([] if space.length is None else [("one radian", f"counts as {words.length(space.length, unit)}")]),
         *words.proof(report.certificate),
+        *(() if report.certificate.course is None else words.course(report.certificate.course)),
         *words.stages(results.get("stages", ())),
         *words.held_out(HeldOut.recorded(results), unit),
         *words.warnings(results.get("warnings", ())),
@@ -121,9 +124,11 @@ def blocks(report: InspectReport, *, for_page: bool = False, every: bool = False
     found: list[render.Block] = [render.Facts(facts), *words.recorded_clauses(results)]
     if report.at is not None:
         found.append(_place(report.at, space))
+    if chain is not None:
+        found.append(_timeline(chain, unit))
     turned = {"roll, pitch, yaw": lambda leaf: words.roll_pitch_yaw(leaf.roll_pitch_yaw)}
     leaves = {
-        "part": lambda leaf: leaf.part,
+        part: lambda leaf: leaf.part,
         "leaf": lambda leaf: leaf.leaf,
         "components": lambda leaf: leaf.n_components,
         "shears": lambda leaf: leaf.shears or words.NONE,
@@ -176,16 +181,51 @@ def _place(place: Place, space: StateMeaning) -> render.Facts:
     """Return what the skill does at one place."""
     unit = space.unit
     acting = "all parts" if len(place.weights) > 1 else "the skill"
+    how = [("acts", acting if place.part is None else f"part {place.part}")]
+    how.append(("weights", _listed(place.weights)))
+    if place.stages is not None:
+        here, after = place.stages
+        how = [("acts", f"stage {here}, of a motion that starts here")]
+        how.append(("goes on", f"stage {after}, after a jump here in the last stage"))
     verb, when = ("arrives", "after") if place.arrives else ("has not arrived", "within")
     return render.Facts(
         (
             ("at", words.point(place.given, unit)),
-            ("acts", acting if place.part is None else f"part {place.part}"),
-            ("weights", _listed(place.weights)),
+            *how,
             ("velocity", words.velocity(place.velocity, space.units)),
             ("motion", f"{verb} {when} {place.time:.3g} s, at {words.point(place.given_end, unit)}"),
         )
     )
+
+
+def _chain(chain: Timeline, unit: str) -> tuple[tuple[str, str], ...]:
+    """Return what a chain is, as facts."""
+    far = words.length(chain.disturbance_distance, unit)
+    jumps = {
+        "stay": "the stage goes on from there",
+        "back": "that stage goes on, of those begun, which was taught nearest to there",
+    }
+    seen = f"with all waits, seen from {chain.starts} starts"
+    return (
+        ("kind", f"chain of {len(chain.stages)} stages"),
+        ("takes", f"{words.seconds(chain.duration)} {seen}"),
+        ("after a jump", f"of more than {far}: {jumps[chain.on_jump]}"),
+    )
+
+
+def _timeline(chain: Timeline, unit: str) -> render.Table:
+    """Return the stages of a chain, one after the other."""
+    columns = {
+        "stage": lambda stage: stage.stage,
+        "skill": lambda stage: stage.skill or words.NONE,
+        "begins": lambda stage: words.seconds(stage.begins),
+        "takes": lambda stage: words.seconds(stage.duration),
+        "at most": lambda stage: words.seconds_at_most(stage.bound),
+        "ends at": lambda stage: " or ".join(words.point(target, unit) for target in stage.targets),
+        "within": lambda stage: words.length(stage.within, unit),
+        "then": lambda stage: ", ".join(stage.events) or words.NONE,
+    }
+    return render.table(chain.stages, columns)
 
 
 def _regions(regions: Sequence[Region], unit: str) -> render.Table:

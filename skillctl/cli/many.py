@@ -72,6 +72,9 @@ def blocks(report: SimulateManyReport) -> list[render.Block]:
         ("enough", f"{words.yes_no(report.enough)}, {report.min_success:.0%} was asked for"),
         ("simulated", f"{report.simulated_seconds:.0f} s in {report.wall_seconds:.0f} s, seed {report.seed}"),
     ]
+    if (lost := report.lost).episodes:
+        again = f"{lost.again} were taken again, {lost.succeeded} of them with success"
+        facts.append(("cups lost", f"{lost.episodes}; {lost.stood} then stood in reach, of which {again}"))
     files = (("table", report.table), ("overview", report.overview))
     facts += [(name, str(path)) for name, path in files if path]
     found: list[render.Block] = [render.Facts(tuple(facts))]

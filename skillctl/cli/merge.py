@@ -51,7 +51,7 @@ def merge(
     """Merge skills: all of them act together on one target, and the result is proved stable.
 
     The target is --target, else the mean end of the demonstrations of --fit, else the weighted mean of the
-    skills' targets. Combined skills cannot be merged.
+    skills' targets. Combined skills and chains cannot be merged.
     """
     from skillctl.store import parse_reference
     from skillctl.usecases.merge import merge as merge_skills

@@ -38,8 +38,9 @@ def quickstart(
     """See every step on an example: reach for a cup on a shelf.
 
     Writes demonstrations of three reaches, learns a skill from each, merges two pairs into reaches that were
-    not demonstrated, combines the upper three into one, proves all six stable, runs them on a simulated arm,
-    and grasps cups with them. Every command is printed as it is run, so that you can repeat it by hand.
+    not demonstrated, combines the upper three into one, learns a retreat from one reach backwards, chains
+    skills that carry a cup, proves all eight stable, runs them on a simulated arm, and grasps cups with them.
+    Every command is printed as it is run, so that you can repeat it by hand.
     """
     from skillctl.usecases.quickstart import quickstart as run_quickstart
 
@@ -65,7 +66,9 @@ def blocks(report: QuickstartReport) -> list[render.Block]:
         "cups": lambda skill: words.NONE if skill.grasped is None else f"{skill.grasped} of {report.cups}",
     }
     where = f"Everything is in {report.directory}: demonstrations/, skills/"
-    seen = "." if report.picture is None else f", and the picture {report.picture} of the last grasp."
+    seen = (
+        "." if report.picture is None else f", and the picture {report.picture} of the cup that was carried."
+    )
     following = "skillctl ls, skillctl inspect shelf, skillctl simulate --help"
     following = f"Look around: cd {report.directory}, then {following}."
     meanings = render.Lines("What the columns say:", MEANINGS)

@@ -73,7 +73,7 @@ def github(report: VerifyReport) -> str:
 def junit(report: VerifyReport) -> str:
     """Return one test case per skill: failed if not proved or open, in error if it cannot be read.
 
-    Of a task every clause is a case of its own, with its margin.
+    Of a task every clause is a case of its own, with its margin; and so are golden motions.
     """
     from xml.etree import ElementTree
 
@@ -89,7 +89,7 @@ def junit(report: VerifyReport) -> str:
 
 
 def _cases(verdict: SkillVerdict) -> Iterator[Element]:
-    """Yield the test case of a skill, and those of the clauses of its task."""
+    """Yield the test case of a skill, those of the clauses of its task, and that of its golden motions."""
     said = "\n".join([identity(verdict), *_proof(verdict)])
     kind = {"proved": None, "unreadable": "error"}.get(verdict.outcome, "failure")
     yield _case(verdict.skill, said, kind, verdict.outcome, reason(verdict))
@@ -98,6 +98,9 @@ def _cases(verdict: SkillVerdict) -> Iterator[Element]:
         said = f"margin {words.margin(clause.margin, clause.unit)}, proved: {proved}"
         failed = None if clause.holds else "failure"
         yield _case(f"{verdict.skill}: {clause.clause}", said, failed, "clause", said)
+    if (golden := verdict.golden) is not None:
+        failed = None if golden.agrees else "failure"
+        yield _case(f"{verdict.skill}: golden motions", golden.said, failed, "golden", golden.said)
 
 
 def _case(name: str, said: str, kind: str | None, fault: str, why: str) -> Element:

@@ -222,6 +222,7 @@ def blocks(report: SimulateReport) -> list[render.Block]:
         ("outcome", outcome),
         *words.arm(report.arm, report.hand if report.unit == "m" else None, report.tip, report.held),
         *([("placed", placed)] if report.unit == "m" else []),
+        *_stages(report),
         ("target", words.point((*report.target, *(report.target_turn or ())), report.unit)),
         ("final error", _final(report)),
         ("time to target", words.number(figures.time_to_target, "s")),
@@ -240,6 +241,12 @@ def blocks(report: SimulateReport) -> list[render.Block]:
     facts += [(name, str(path)) for name, path in files if path]
     clauses = [words.clauses(report.task, report.skill)] if report.task else []
     return [render.Facts(tuple(facts)), *clauses]
+
+
+def _stages(report: SimulateReport) -> list[tuple[str, str]]:
+    """Return when the stages of a chain began."""
+    began = ", ".join(f"{stage.stage} from {stage.began:.2f} s" for stage in report.stages)
+    return [("stages", began)] if began else []
 
 
 def _length(value: float, unit: str) -> str:
@@ -281,7 +288,15 @@ def _scene_facts(report: SimulateReport) -> list[tuple[str, str]]:
         kind = "scene" if report.scenario["obstacles"] else scene["kind"]
         facts.append(("clearance", f"{clearance} to the {kind} at least"))
         facts.append(("touched", ", ".join(figures.contacts) or "nothing"))
-    if report.scenario["cup"] is not None:
+    if report.scenario["cup"] is not None and report.stages:
+        off = "" if math.isnan(figures.cup_off) else f"{words.length(figures.cup_off, 'm')} from its place, "
+        lost = (
+            f"; lost: {figures.cup_lost}, stood in reach then: {figures.cup_stood}"
+            if figures.cup_lost
+            else ""
+        )
+        facts.append(("cup", f"{off}fingers closed: {figures.cup_tries}{lost}"))
+    elif report.scenario["cup"] is not None:
         rise, moved = words.length(figures.cup_rise, "m"), words.length(figures.cup_moved, "m")
         facts.append(("cup", f"{rise} up at the end, moved {moved} before the grasp"))
     return facts

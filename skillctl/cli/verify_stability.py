@@ -26,6 +26,7 @@ Example:
   skillctl verify-stability reach
   skillctl verify-stability skills/*/*.h5 --period 0.01 --report junit=all.xml
   skillctl verify-stability reach --plot proof.png
+  skillctl verify-stability reach --golden
   skillctl verify-stability skills/*/*.h5 --jobs 4
   skillctl verify-stability reach --start-box 0.4:0.5,0,0.5 --stay-in :0.8,,0:
   skillctl verify-stability *.h5 --format github --report sarif=all.sarif
@@ -63,6 +64,11 @@ class Reporting:
         metavar="T.toml",
         group=REQUIRED,
         help="Every clause of this task has to hold of motions from its start box; see `adapt`.",
+    )
+    golden: bool = option(
+        False,
+        group=REQUIRED,
+        help="Every skill has to agree with the motions that were recorded where it was made.",
     )
     plot: Path | None = option(
         metavar="F.png|svg|pdf", group=REPORTS, help="Draw where and how fast V shrinks."
@@ -110,6 +116,7 @@ def verify_stability(
             required=required,
             scene=reporting.scene,
             task=reporting.task,
+            golden=reporting.golden,
             workers=workers,
             progress=progress,
         )
@@ -152,9 +159,21 @@ def blocks(report: VerifyReport) -> list[render.Block]:
         for block in _bounds(verdict.skill, verdict.reach, report.required)
     ]
     scenes = [block for verdict in report.skills for block in _among(verdict)]
+    courses = [block for verdict in report.skills for block in _course(verdict)]
+    repeats = [(each.skill, f"golden motions: {each.golden.said}") for each in report.skills if each.golden]
+    agreed = [render.Facts(tuple(repeats))] if repeats else []
     tasks = [words.clauses(each.task, each.skill) for each in report.skills if each.task is not None]
     table = render.Table(tuple(headings), tuple(map(tuple, rows)))
-    return [table, *bounds, *scenes, *tasks, *_explanations(report)]
+    return [table, *courses, *bounds, *scenes, *agreed, *tasks, *_explanations(report)]
+
+
+def _course(verdict: SkillVerdict) -> list[render.Block]:
+    """Return what is proved of a chain beside its parts, which have rows in the table."""
+    certificate = verdict.certificate
+    if certificate is None or certificate.course is None:
+        return []
+    told = tuple(sentence for sentence in certificate.proof if not sentence.startswith("Part "))
+    return [render.Lines(f"{verdict.skill} is a chain", told)]
 
 
 def _among(verdict: SkillVerdict) -> list[render.Block]:
@@ -212,11 +231,14 @@ def _rows(verdict: SkillVerdict) -> list[list[str]]:
     scope = f"{certificate.scope}{', all weights' if certificate.all_weights else ''}"
     said = certificate.verdict, verdict.outcome, scope
     rows = [[verdict.skill, *said, *figures, str(sum(counts)), words.short(verdict.digest)]]
+    course = () if certificate.course is None else certificate.course.stages
+    stages = {part: f", stage {stage.stage}" for stage in course for part in stage.parts}
     for part, count in zip(certificate.parts, counts, strict=True):
         if len(counts) > 1:
             proved = "stable" if part.proved else "not proved"
             figures = words.rate_and_period(part.rate, part.period)
-            rows.append([f"  part {part.part}", proved, "", "", *figures, str(count), ""])
+            name = f"  part {part.part}{stages.get(part.part, '')}"
+            rows.append([name, proved, "", "", *figures, str(count), ""])
         for block in part.blocks:
             figures = words.rate_and_period(block.rate, block.period)
             rows.append([f"  {'  ' * (len(counts) > 1)}{block.name}", "", "", "", *figures, "", ""])
@@ -240,4 +262,9 @@ def _explanations(report: VerifyReport) -> list[render.Block]:
 def _asked(report: VerifyReport) -> bool:
     """Return whether more, or less, is required than usual."""
     usual = replace(report.required, start_box=None, stay_in=None) == Requirements()
-    return not usual or bool(report.required.stay_in) or any(each.task for each in report.skills)
+    return (
+        not usual
+        or report.golden
+        or bool(report.required.stay_in)
+        or any(each.task for each in report.skills)
+    )

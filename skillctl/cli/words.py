@@ -68,6 +68,11 @@ def number(value: float | None, unit: str = "", digits: int = 3) -> str:
     return f"{value:.{digits}g} {unit}".rstrip()
 
 
+def seconds(value: float | None) -> str:
+    """Return a duration that was seen, for people; a dash if there is none."""
+    return NONE if value is None else f"{value:.2f} s"
+
+
 def percent(share: float | None) -> str:
     """Return a share of one in percent; a dash if there is none."""
     return NONE if share is None else f"{share:.0%}"

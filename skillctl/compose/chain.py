@@ -34,7 +34,11 @@ def staged(
     """
     require_compatible(parts, "chain")
     for number, part in enumerate(parts, start=1):
-        _require_stage(number, part)
+        if part.reselects:
+            raise UsageError(
+                f"chain: skill {number} is combined with the instantaneous gate, which may never arrive.",
+                hint="Combine its parts with --gate latched.",
+            )
     stages = list(in_one_space(parts))
     given = targets or {}
     if turn and not given:
@@ -96,13 +100,3 @@ def stage_index(name: str, number: int, count: int) -> int:
     if not 1 <= number <= count:
         raise UsageError(f"{name}: there is no stage {number}; the chain has {count}, counted from 1.")
     return number - 1
-
-
-def _require_stage(number: int, part: Skill) -> None:
-    if isinstance(part, ChainedSkill):
-        raise UsageError(f"chain: skill {number} is a chain itself.", hint="Name its stages instead.")
-    if part.reselects:
-        raise UsageError(
-            f"chain: skill {number} is combined with the instantaneous gate, which may never arrive.",
-            hint="Combine its parts with --gate latched.",
-        )

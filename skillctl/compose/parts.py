@@ -184,12 +184,15 @@ def notes_on(parts: Sequence[Skill]) -> tuple[str, ...]:
     return tuple(
         f"skills {i + 1} and {j + 1} are the same motion."
         for (i, one), (j, other) in combinations(enumerate(parts), 2)
-        if _same_motion(one, other)
+        if same_motion(one, other)
     )
 
 
-def _same_motion(one: Skill, other: Skill) -> bool:
-    if len(one.leaves) != len(other.leaves) or one.speed != other.speed:
+def same_motion(one: Skill, other: Skill) -> bool:
+    """Return whether two skills move alike relative to their targets, number for number."""
+    if (len(one.leaves), one.speed, one.gate) != (len(other.leaves), other.speed, other.gate):
+        return False
+    if not np.array_equal(one.shares, other.shares):
         return False
     fields = ("priors", "covariances", "system_matrices")
     return all(

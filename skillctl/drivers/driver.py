@@ -13,6 +13,8 @@ from skillctl.arrays import FloatArray
 from skillctl.errors import NotFoundError, UsageError
 from skillctl.model.skill import Skill
 
+PATIENCE, PATIENCE_PERIODS = 0.1, 3  # [s], periods
+
 
 class Measured(NamedTuple):
     """A state that a robot has measured.
@@ -61,14 +63,17 @@ class Driver(ABC):
 
     Attributes:
         period: Time between two commands, [s], if nobody asks for another.
+        patience: The robot has to stop by itself if no command comes for so long, [s].
         untried: What it was tried on instead of hardware, in words; empty for what needs none.
         grips: Whether ``event`` does something.
+        place: Where states come from, in words.
         faults: Exceptions of the robot's library with which it refuses to go on; the run ends with them.
     """
 
     faults: tuple[type[Exception], ...] = ()
     untried: ClassVar[str] = ""
-    grips: ClassVar[bool] = False
+    grips: bool = False
+    place: str = "the robot"
 
     def __init__(self, setup: Setup) -> None:
         """Connect to the robot, which must not move yet.
@@ -78,6 +83,7 @@ class Driver(ABC):
             UsageError: A skill or an address that is not for this robot.
         """
         self.period = setup.period or 0.01
+        self.patience = max(PATIENCE, PATIENCE_PERIODS * self.period)
 
     @abstractmethod
     def state(self) -> Measured | None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from skillctl.drivers.driver import Driver, Measured, Setup, library, twist
 from skillctl.errors import NotFoundError, UsageError
 
-HELD = 100  # [ms] for which a command holds: the arm stops by itself if no other comes
+REALTIME = Path("/sys/kernel/realtime")  # of a real-time kernel, which libfranka looks for there, too
 OPEN_SPEED, GRASP_SPEED, GRASP_FORCE = 0.1, 0.05, 20.0  # [m/s], [m/s], [N], of the fingers
 WIDEST = 0.1  # [m], more than the fingers open: an object of any width counts as grasped
 
@@ -28,9 +29,9 @@ class FrankaArm(Driver):
             raise UsageError("driver: the address of the arm is missing.", hint="Add it: franky:172.16.0.2.")
         self._host = setup.address
         self.faults = franky.CommandException, franky.ControlException, franky.NetworkException
+        urgent = franky.RealtimeConfig.Enforce if REALTIME.exists() else franky.RealtimeConfig.Ignore
         try:
-            # Without a real-time kernel the arm is connected all the same: franky keeps the 1 kHz.
-            self._robot = franky.Robot(self._host, realtime_config=franky.RealtimeConfig.Ignore)
+            self._robot = franky.Robot(self._host, realtime_config=urgent)
             self._robot.recover_from_errors()
         except self.faults as error:
             raise NotFoundError(f"no Franka arm answers at {self._host}: {error}.") from None
@@ -45,10 +46,10 @@ class FrankaArm(Driver):
         return Measured(state.time.to_msec(), numbers)
 
     def command(self, velocity: Sequence[float]) -> None:
-        """Replace the motion by one with this twist."""
+        """Replace the motion by one with this twist, which ends by itself."""
         franky, six = self._franky, twist(velocity)
         motion = franky.CartesianVelocityMotion(
-            franky.Twist(six[:3], six[3:]), duration=franky.Duration(HELD)
+            franky.Twist(six[:3], six[3:]), duration=franky.Duration(round(1e3 * self.patience))
         )
         self._robot.move(motion, asynchronous=True)
 

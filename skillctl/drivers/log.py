@@ -18,6 +18,7 @@ from skillctl.model.space import Space
 
 FORMAT = "skillctl run 1"
 NUMBERS = 5  # of a row, before state and command
+WHOLE = ("stage", "part", "resting")  # of these
 LONGEST = 100_000_000  # numbers of one dataset that is read
 
 
@@ -78,7 +79,8 @@ def encode(rows: Rows, about: Mapping[str, Any]) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", libver="earliest") as log:
         for field in fields(rows):
-            log.create_dataset(field.name, data=getattr(rows, field.name), track_times=False)
+            kind = np.int32 if field.name in WHOLE else np.float64
+            log.create_dataset(field.name, data=getattr(rows, field.name).astype(kind), track_times=False)
         text = json.dumps({"format": FORMAT, **about}, indent=1)
         log.create_dataset("about", data=np.bytes_(text.encode()), track_times=False)
     return file.getvalue()
@@ -115,28 +117,31 @@ def read_log(path: Path, space: Space) -> Recorded:
     try:
         with h5py.File(path, "r") as log:
             if "state" in log:
-                times, states = _column(log, "t"), _column(log, "state")
-                commands = _column(log, "command")[_column(log, "resting") == 0]
+                times, states = _array(log, "t"), _array(log, "state", axes=2)
+                commands = _array(log, "command", axes=2)[_array(log, "resting") == 0]
             else:
                 names = [f"hand_{axis}" for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")]
                 turns = space.positions < space.dimension
-                columns = [_column(log, each) for each in names[: 7 if turns else 3]]
+                columns = [_array(log, each) for each in names[: 7 if turns else 3]]
                 states = np.array([space.measured(row) for row in np.column_stack(columns)])
-                times, commands = _column(log, "t"), None
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+                times, commands = _array(log, "t"), None
+    except (OSError, LookupError, ValueError, RuntimeError) as error:
         raise InputDataError(
             f"{name} is no log of states: {printable(str(error))}.",
             hint="A log is written by `run --log F.h5`, or by `simulate --log F.h5`.",
         ) from None
-    if states.shape[1:] != (space.dimension,) or len(times) < 2 or not (np.diff(times) > 0).all():
+    fits = states.shape == (len(times), space.dimension)
+    if not fits or len(times) < 2 or not (np.diff(times) > 0).all():
         raise InputDataError(
             f"{name}: expected at least two states of {', '.join(space.names)} at increasing times."
         )
     return Recorded(times, states, commands)
 
 
-def _column(log: Any, name: str) -> FloatArray:
+def _array(log: Any, name: str, axes: int = 1) -> FloatArray:
+    """Return a dataset of numbers, or raise LookupError or ValueError."""
     data = log[name]
-    if getattr(data, "dtype", None) is None or data.dtype.kind not in "fi" or data.size > LONGEST:
-        raise ValueError(f"{name} is not an array of numbers")
+    numbers = getattr(data, "dtype", None) is not None and data.dtype.kind in "fi"
+    if not numbers or data.ndim != axes or data.size > LONGEST:
+        raise ValueError(f"{name} is no array of numbers with {axes} axes")
     return np.asarray(data[()], dtype=np.float64)

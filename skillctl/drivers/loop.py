@@ -7,9 +7,9 @@ import math
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import FrameType
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from skillctl.drivers.options import RunOptions
 from skillctl.errors import GoalNotReachedError, NotFoundError, StateError, UsageError
 from skillctl.model.chained import WAIT, ChainedSkill
 from skillctl.model.controller import Controller
+from skillctl.model.limits import Limits
+from skillctl.model.skill import Skill
 from skillctl.model.space import Space
 
 Outcome: TypeAlias = Literal[
@@ -35,7 +37,11 @@ Outcome: TypeAlias = Literal[
 ]
 CONNECTING = 5.0  # [s] within which the first state has to come
 STALE, STALE_PERIODS = 0.1, 5  # [s], periods: how old the newest state may be
-SIGNALS: dict[int, Outcome] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+SIGNALS: dict[int, Outcome] = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "terminated",  # the terminal is gone
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +72,12 @@ class DueEvent:
     event: str
 
 
+def limits_of(options: RunOptions) -> Limits:
+    """Return the limits that options ask for; those that are not given are infinite."""
+    given = {field.name: getattr(options, f"max_{field.name}", None) for field in fields(Limits)}
+    return Limits(**{name: value for name, value in given.items() if value is not None})
+
+
 def as_state(space: Space, numbers: Sequence[float]) -> FloatArray:
     """Return the state (d,) that a robot has measured; of a hand's pose its position, if no more is needed.
 
@@ -85,23 +97,22 @@ class Loop:
         state: The newest state (d,).
     """
 
-    def __init__(self, driver: Driver, controller: Controller, options: RunOptions) -> None:
-        """Args: driver; controller; options."""
-        self._driver, self._controller, self._options = driver, controller, options
-        self._space, self._period = controller.skill.space, controller.period
+    def __init__(self, driver: Driver, skill: Skill, options: RunOptions) -> None:
+        """Args: driver; skill, which is proved as far as it has to be; options."""
+        self._driver, self._options = driver, options
+        self._space, self._period = skill.space, driver.period
+        limits = limits_of(options)
+        self._controller = Controller(skill, driver.period, limits=limits, allow_unproved=True)
         self._recorder = Recorder(self._space.dimension)
         self.events: list[DueEvent] = []
         self.state = np.full(self._space.dimension, np.nan)
         self._stamp, self._fresh = -1.0, 0.0
         self._event: str | None = None
         self._stale = options.stale or max(STALE, STALE_PERIODS * self._period)
-        self._command = np.zeros(self._space.dimension)
         self._began = self._due = 0.0
-        low, high = zip(*options.box, strict=True) if options.box else ((), ())
-        if len(low) not in (0, self._space.positions):
+        if options.box is not None and len(options.box) != self._space.positions:
             names = ", ".join(self._space.names[: self._space.positions])
-            raise UsageError(f"box: expected a range for each of {names}, got {len(low)}.")
-        self._low, self._high = np.array(low), np.array(high)
+            raise UsageError(f"box: expected a range for each of {names}, got {len(options.box)}.")
 
     @property
     def rows(self) -> Rows:
@@ -120,24 +131,24 @@ class Loop:
         began = driver.now()
         while (measured := driver.state()) is None:
             if driver.now() - began > CONNECTING:
-                place = getattr(driver, "place", "the robot")
                 raise NotFoundError(
-                    f"no state came from {place} within {CONNECTING:g} s.",
+                    f"no state came from {driver.place} within {CONNECTING:g} s.",
                     hint="Start the robot's side first, and check address and frame.",
                 )
             driver.wait(driver.now() + self._period)
         self._stamp, self._fresh = measured.stamp, driver.now()
         self.state = as_state(self._space, measured.numbers)
-        outside = [("start", self._outside(self.state))]
-        outside += [("target", all(map(self._outside, self._controller.skill.attractors)))]
-        for name in (name for name, is_outside in outside if is_outside):
-            raise GoalNotReachedError(f"the {name} is outside the box; nothing moves.", hint="Check --box.")
+        for name, states in (("start", [self.state]), ("target", self._controller.skill.attractors)):
+            if all(self._outside(state) for state in states):
+                raise GoalNotReachedError(
+                    f"the {name} is outside the box; nothing moves.", hint="Check --box."
+                )
         return self.state
 
-    def _outside(self, state: FloatArray) -> bool:
-        """Return whether a state (d,) is outside the box."""
-        position = state[: len(self._low)]
-        return bool((position < self._low).any() or (position > self._high).any())
+    def _outside(self, state: FloatArray, margin: float = 0.0) -> bool:
+        """Return whether a state (d,) is outside the box, or nearer to its sides than a margin, [m]."""
+        sides = zip(state.tolist(), self._options.box or (), strict=False)  # a pose has more coordinates
+        return any(x < low + margin or x > high - margin for x, (low, high) in sides)
 
     def drive(self, stopped: list[Outcome]) -> Ending:
         """Lead the robot until the run ends, and bring it to rest; whatever happens, it rests in the end.
@@ -180,14 +191,15 @@ class Loop:
                 return Ending("arrived")
             if now - self._began > options.timeout:
                 return Ending("timeout", f"not there after {options.timeout:g} s")
-            command = controller.step(state, busy=busy, **self._caps())
-            if controller.done:
-                return Ending("arrived")
-            if self._outside(state) or self._outside(self._stopping_place(state, command)):
-                return Ending("left the box", "the hand was stopped before it would have left it")
+            command = controller.step(state, busy=busy)
             self._give(now, command, resting=False)
             busy = self._do(now, controller.event)
+            leaving = self._outside(state) or self._leaving(command)
             self._pause(now)
+            if controller.done:
+                return Ending("arrived")
+            if leaving:
+                return Ending("left the box", "the hand was stopped before it would have left it")
         return Ending(stopped[0])
 
     def _do(self, now: float, event: str | None) -> bool:
@@ -200,7 +212,6 @@ class Loop:
     def _give(self, now: float, command: FloatArray, *, resting: bool) -> None:
         """Give and record a command."""
         self._driver.command(command.tolist())
-        self._command = command
         stage, part = self._controller.stage or 0, self._controller.part or 0
         self._recorder.add(
             (now - self._began, now - self._due, stage, part, resting),
@@ -222,46 +233,39 @@ class Loop:
             near &= turned < self._options.turn_tolerance
         return bool(near.any())
 
-    def _caps(self) -> dict[str, Any]:
-        """Return the speeds that the accelerations allow, from those of the last command."""
-        options, (speed, turning) = self._options, self._space.speeds(self._command)
-        caps = {"max_speed": min(options.max_speed, speed + options.max_acceleration * self._period)}
-        if self._space.positions < self._space.dimension:
-            faster = turning + options.max_turn_acceleration * self._period
-            caps["max_turn"] = min(options.max_turn, faster)
-        return caps
+    def _leaving(self, command: FloatArray) -> bool:
+        """Return whether the hand, after one more command, might come to rest outside of the box.
 
-    def _stopping_place(self, state: FloatArray, command: FloatArray) -> FloatArray:
-        """Return where a hand that moves so for a period, and then is brought to rest, comes to rest."""
-        time = self._period + 0.5 * self._stopping_time(command)
-        return self._space.displace_at(state, time * command)
-
-    def _stopping_time(self, command: FloatArray) -> float:
-        speed, turning = self._space.speeds(command)
-        options = self._options
-        return max(speed / options.max_acceleration, turning / options.max_turn_acceleration)
+        By that command the place where it comes to rest moves by at most 2 Δt ‖w‖: Δt ‖w‖, and as much
+        because it takes longer to brake. w is the command before averages, at most a²/j above them.
+        """
+        options, period = self._options, self._period
+        a, jerk = options.max_acceleration, options.max_jerk or math.inf
+        fastest = self._space.speeds(command)[0] + a * period + a * a / jerk
+        rest = self._controller.rest
+        return rest is not None and self._outside(rest, 2 * period * fastest)
 
     def _slow_down(self) -> None:
-        """Bring the hand to rest on the way it is on, within the accelerations."""
-        last = self._command
-        steps = math.ceil(self._stopping_time(last) / self._period)
-        for step in range(1, steps + 1):
+        """Bring the hand to rest on the way it is on, within the limits."""
+        while not self._controller.resting:
             now = self._driver.now()
             if (measured := self._driver.state()) is not None:
                 with suppress(StateError):
                     self.state = as_state(self._space, measured.numbers)
-            self._give(now, last * (1 - step / steps), resting=True)
+            self._give(now, self._controller.brake(), resting=True)
             self._pause(now)
 
 
 @contextmanager
 def heeded() -> Iterator[list[Outcome]]:
-    """Yield a list that tells of the first SIGINT or SIGTERM; a second one interrupts as usual.
+    """Yield a list that tells of the first SIGINT, SIGTERM or SIGHUP; a second one interrupts as usual.
 
     Outside the main thread no signal can be heeded.
     """
     stopped: list[Outcome] = []
     before = {number: signal.getsignal(number) for number in SIGNALS}
+    if before[signal.SIGHUP] == signal.SIG_IGN:
+        del before[signal.SIGHUP]  # nohup
 
     def heed(number: int, frame: FrameType | None) -> None:
         if stopped:
@@ -272,7 +276,7 @@ def heeded() -> Iterator[list[Outcome]]:
         stopped.append(SIGNALS[number])
 
     try:
-        for number in SIGNALS:
+        for number in before:
             signal.signal(number, heed)
     except ValueError:
         yield stopped

@@ -24,6 +24,7 @@ class RunOptions:
         period: Time between two commands, [s]; None: that of the driver.
         max_speed, max_turn: Largest speed [m/s] and turning speed [rad/s] of the hand.
         max_acceleration, max_turn_acceleration: Limits of both, [m/s²] and [rad/s²].
+        max_jerk, max_turn_jerk: Limits of both, [m/s³] and [rad/s³]; None: no limit.
         tolerance, turn_tolerance: The hand has arrived this near to its target, [m] and [rad].
         timeout: Longest time of the motion, [s].
         stale: The run ends if no new state comes for so long, [s]; None: 0.1 s, or five periods if these are
@@ -64,14 +65,20 @@ class RunOptions:
         name="acceleration",
         metavar="M/S²",
         group=MOTION,
-        help="Largest acceleration with which the motion begins, and is stopped.",
+        help="Largest acceleration of the hand, also where it is stopped.",
+    )
+    max_jerk: float | None = option(
+        name="jerk", metavar="M/S³", group=MOTION, help="Largest jerk of the hand. Default: no limit."
     )
     max_turn_acceleration: float = option(
         4.0,
         name="turn-acceleration",
         metavar="RAD/S²",
         group=MOTION,
-        help="The same for turning.",
+        help="Largest acceleration of turning.",
+    )
+    max_turn_jerk: float | None = option(
+        name="turn-jerk", metavar="RAD/S³", group=MOTION, help="Largest jerk of turning. Default: no limit."
     )
     tolerance: float = option(
         0.002, metavar="M", group=SAFETY, help="The hand has arrived this near to the target."
@@ -113,6 +120,8 @@ class RunOptions:
             ("turn-speed", self.max_turn),
             ("acceleration", self.max_acceleration),
             ("turn-acceleration", self.max_turn_acceleration),
+            ("jerk", self.max_jerk),
+            ("turn-jerk", self.max_turn_jerk),
             ("tolerance", self.tolerance),
             ("turn-tolerance", self.turn_tolerance),
             ("timeout", self.timeout),

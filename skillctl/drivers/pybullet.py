@@ -12,6 +12,7 @@ import numpy as np
 from skillctl.drivers.driver import Driver, Measured, Setup
 from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, Shapes
 from skillctl.simulation.bullet import silenced
+from skillctl.simulation.grasp import Gripper
 from skillctl.simulation.gui import require_window
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.position import PositionArm
@@ -39,12 +40,16 @@ class BulletArm(Driver):
         self._space = setup.skill.space
         self._worlds = ExitStack()
         with silenced(1):
-            prepared = prepare(setup.skill, Scenario().changed(**chosen))
+            scenario = Scenario().changed(**chosen)
+            prepared = prepare(setup.skill, scenario)
             model, yaw = prepared.arm, prepared.base_yaw
             twin = self._worlds.enter_context(ArmBody(model, yaw, shapes="none"))
             seen: Shapes = "all" if window else "collision"
             body = self._worlds.enter_context(ArmBody(model, yaw, shapes=seen, gui=window))
             self._arm = PositionArm(body, prepared.joints, Kinematics(twin, prepared.hand, yaw))
+        self._plan, self.grips = scenario.grasp, bool(model.fingers)
+        self._gripper = Gripper(body) if self.grips else None
+        self._done: float | None = None  # when the fingers will have done what they do
         self._velocity = np.zeros(setup.skill.dimension)
         self._began, self._simulated = time.monotonic(), 0.0
 
@@ -66,6 +71,19 @@ class BulletArm(Driver):
     def command(self, velocity: Sequence[float]) -> None:
         """Have the reference of the hand move with this velocity."""
         self._velocity = np.array(velocity)
+
+    def event(self, text: str) -> bool:
+        """Close or open the fingers, for as long as ``simulate`` does."""
+        if self._gripper is None or text not in ("close", "open"):
+            return False
+        if self._done is None:
+            plan, closes = self._plan, text == "close"
+            (self._gripper.close if closes else self._gripper.open)(plan.force, plan.speed)
+            self._done = self._simulated + (plan.close_time if closes else plan.open_time)
+        if self._simulated < self._done:
+            return True
+        self._done = None
+        return False
 
     def close(self) -> None:
         """Close the worlds, and the window."""

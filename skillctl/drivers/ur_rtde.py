@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from skillctl.drivers.driver import Driver, Measured, Setup, library, twist
 from skillctl.errors import NotFoundError, UsageError
 
-SLOWEST = 10.0  # [Hz]: the arm stops by itself if commands come less often
 GRIPPER = 0  # digital output of the tool: high closes
 STOPPING = 2.0  # [m/s²], with which the arm is stopped if it still moves at the end
 
@@ -37,7 +36,7 @@ class UniversalRobot(Driver):
             self._io = io.RTDEIOInterface(setup.address)
         except RuntimeError as error:
             raise NotFoundError(f"no arm answers at {setup.address}: {error}.") from None
-        self._control.setWatchdog(SLOWEST)
+        self._control.setWatchdog(1 / self.patience)
         self._acceleration = setup.max_acceleration
 
     def state(self) -> Measured:

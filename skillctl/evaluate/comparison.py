@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.geometry import box
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.demonstration import Demonstration
 from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
@@ -83,12 +84,14 @@ class Behaviour:
     """How differently two skills move. None where there are no demonstrations, or no common space.
 
     Attributes:
-        demonstrations: Velocities on the embedded demonstrations of both.
+        demonstrations: Velocities on the embedded demonstrations of both; of chains whichever part acts, and
+            None if their stages have other numbers of parts.
         grid: Velocities on a grid around them.
         rollouts: Greatest distance of motions from the same starts, at the same time, [unit].
         attractors: Greatest distance of attractors, [unit]; None if their numbers differ.
         same: Whether all of it lies within the tolerances.
         rollouts_angle, attractors_angle: Greatest angles likewise, [rad]; None without orientation.
+        incomparable: Why velocities are not compared; None if they are.
     """
 
     demonstrations: FieldDifference | None
@@ -98,6 +101,7 @@ class Behaviour:
     same: bool
     rollouts_angle: float | None = None
     attractors_angle: float | None = None
+    incomparable: Literal["other spaces", "other stages"] | None = None
 
 
 def leaf_differences(a: Skill, b: Skill) -> tuple[LeafDifference, ...] | None:
@@ -174,7 +178,8 @@ def compare_behaviour(
         rtol: plus this share of those of a.
     """
     if a.space != b.space:
-        return Behaviour(None, None, None, None, same=False)
+        return Behaviour(None, None, None, None, same=False, incomparable="other spaces")
+    parts = _compared_parts(a, b)
     goals = (a.attractors, b.attractors)
     means = [leaf.uncharted(leaf.density.means) for leaf in a.leaves]
     points = np.concatenate([motion.positions for motion in taught] if taught else [*goals, *means])
@@ -182,21 +187,36 @@ def compare_behaviour(
     with np.errstate(all="ignore"):  # an unstable skill's motions may leave float64: then they differ
         first = a.acting_parts[0]  # a grid over the chart, where no two numbers are one orientation
         places = first.uncharted(_grid(first.charted(points)))
-        grid = _field(a, b, places, atol, rtol)
-        along = _field(a, b, points, atol, rtol) if taught else None
+        grid = _field(a, b, places, parts, atol, rtol) if parts else None
+        along = _field(a, b, points, parts, atol, rtol) if taught and parts else None
         if taught:
             rollouts = _rollout_distance(a, b, taught)
     apart = _greatest(*a.space.apart(*goals)) if len(goals[0]) == len(goals[1]) else (None, None)
     n = a.space.positions
     near = atol + rtol * float(np.ptp(points[:, :n], axis=0).max()), atol + rtol * np.pi
     same = (
-        grid.within
+        grid is not None
+        and grid.within
         and (along is None or along.within)
         and all(x is None or x <= most for x, most in zip(rollouts, near, strict=True))
         and apart[0] is not None
         and all(x is None or x <= most for x, most in zip(apart, near, strict=True))
     )
-    return Behaviour(along, grid, rollouts[0], apart[0], same, rollouts[1], apart[1])
+    why: Literal["other stages"] | None = None if parts else "other stages"
+    return Behaviour(along, grid, rollouts[0], apart[0], same, rollouts[1], apart[1], why)
+
+
+def _compared_parts(a: Skill, b: Skill) -> Sequence[int | None]:
+    """Return the acting parts whose velocities are compared.
+
+    Returns:
+        All parts of chains; nothing if a stage of one has more parts than that of the other. Of other skills
+        None, for the part that a place selects.
+    """
+    if "chain" not in (a.kind, b.kind):
+        return (None,)
+    alike = isinstance(a, ChainedSkill) and isinstance(b, ChainedSkill) and a.stages == b.stages
+    return range(len(a.acting_parts)) if alike else ()
 
 
 def _grid(points: FloatArray) -> FloatArray:
@@ -211,9 +231,11 @@ def _grid(points: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
 
 
-def _field(a: Skill, b: Skill, points: FloatArray, atol: float, rtol: float) -> FieldDifference:
-    velocities = a.velocity(points)
-    apart = a.space.magnitudes(velocities - b.velocity(points))
+def _field(
+    a: Skill, b: Skill, points: FloatArray, parts: Sequence[int | None], atol: float, rtol: float
+) -> FieldDifference:
+    velocities = np.concatenate([a.velocity(points, part) for part in parts])
+    apart = a.space.magnitudes(velocities - np.concatenate([b.velocity(points, part) for part in parts]))
     speeds = a.space.magnitudes(velocities)
     moves, turns = zip(apart, speeds, strict=True)
     within = [
@@ -233,10 +255,9 @@ def _rollout_distance(a: Skill, b: Skill, taught: Sequence[Demonstration]) -> tu
     """Return the greatest distance and angle of motions from the demonstrations' starts, at the same time."""
     starts = np.stack([motion.positions[0] for motion in taught])
     longest = max(motion.duration for motion in taught)
-    paths = [
-        rollout(skill, starts, duration=PATIENCE * longest, period=longest / STEPS).positions
-        for skill in (a, b)
-    ]
+    stages = max(len(skill.parts) if skill.kind == "chain" else 1 for skill in (a, b))
+    duration = stages * PATIENCE * longest
+    paths = [rollout(skill, starts, duration=duration, period=longest / STEPS).positions for skill in (a, b)]
     length = max(path.shape[1] for path in paths)
     # A motion that has arrived rests while the other goes on.
     first, second = (

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import StateError, UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
+from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
-from skillctl.stability.report import Certificate
+from skillctl.stability.report import Certificate, PartCertificate
 from skillctl.store import Artifact
 
 LONGEST_PERIOD = 0.01  # [s], of the rollout
@@ -24,7 +26,7 @@ class Region:
     """The region of influence of one part of a combined skill: the basin of its attractor, if latched.
 
     Attributes:
-        part: Counted from 1.
+        part: Counted from 1; of a chain, over all parts of its stages.
         prior: β; the part acts where its β r is largest.
         attractor: Where it ends, a state.
         target: The same in the numbers in which a target is given: a pose as x, y, z, qx, qy, qz, qw.
@@ -49,9 +51,11 @@ class Place:
 
     Attributes:
         position: The place, a state.
-        part: Which part acts there, counted from 1; None where all act together.
+        part: Which part acts there, counted from 1; None where all act together, and of a chain.
+        stages: Of a chain, counted from 1, the stage that acts on a motion which starts there, and the one
+            that goes on if a motion in its last stage jumps there; None of others.
         weights: Each part's share: of the motion (merged), or β r of it over the sum of all (combined, where
-            the largest acts alone). One for a learned skill.
+            the largest acts alone). One for a learned skill, and for the first stage of a chain.
         velocity: ξ̇ there, per second; of a pose the twist in the base frame, [m/s] and [rad/s].
         arrives: Whether the motion from there was seen to arrive.
         end: Where it was when it arrived, or when it was given up.
@@ -71,26 +75,36 @@ class Place:
     time: float
     given: tuple[float, ...]
     given_end: tuple[float, ...]
+    stages: tuple[int, int] | None = None
 
 
 def regions_of(artifact: Artifact, certificate: Certificate) -> tuple[Region, ...]:
-    """Return the regions of a combined skill; none for other skills."""
-    skill = artifact.skill
-    if not isinstance(skill, CombinedSkill):
-        return ()
+    """Return the regions of a combined skill, or of the stages of a chain that are; none for other skills."""
+    skill, found = artifact.skill, list[Region]()
+    proofs, taught = iter(certificate.parts), iter(artifact.demonstrations)
+    for stage in skill.parts if isinstance(skill, ChainedSkill) else (skill,):
+        proved = [next(proofs) for _ in stage.acting_parts]
+        motions = [next(taught) for _ in stage.leaves]
+        if isinstance(stage, CombinedSkill):
+            found += _regions(stage, motions, proved)
+    return tuple(found)
+
+
+def _regions(
+    skill: CombinedSkill, taught: Sequence[DemonstrationSet | None], proofs: Sequence[PartCertificate]
+) -> Iterator[Region]:
     from skillctl.evaluate.coverage import selected_shares  # late: other skills need nothing of it
 
     rows = zip(
         skill.part_priors.tolist(),
         skill.part_attractors,
-        certificate.parts,
-        selected_shares(skill, artifact.demonstrations),
+        proofs,
+        selected_shares(skill, taught),
         strict=True,
     )
-    return tuple(
-        Region(number, prior, tuple(attractor.tolist()), proof.radius, *share, skill.space.given(attractor))
-        for number, (prior, attractor, proof, share) in enumerate(rows, start=1)
-    )
+    for prior, attractor, proof, share in rows:
+        place = tuple(attractor.tolist()), proof.radius
+        yield Region(proof.part, prior, *place, *share, skill.space.given(attractor))
 
 
 def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Place:
@@ -104,9 +118,8 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     Raises:
         UsageError: Another number of coordinates than the skill has, or numbers that are not finite.
     """
-    x = _state(skill, position)
-    proved = [part.period for part in certificate.parts if part.period is not None]
-    period = min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])
+    x, period = _state(skill, position), period_of(certificate)
+    acting = skill.onward_at(x, skill.selected(x))
     motion = rollout(skill, x[None], duration=STEPS * period, period=period)
     times, path = motion.trajectory(0)
     arrives = bool(motion.arrived[0])
@@ -114,16 +127,29 @@ def at(skill: Skill, position: Sequence[float], certificate: Certificate) -> Pla
     nearest = int(skill.space.distance(goals, path[-1]).argmin())
     return Place(
         position=tuple(x.tolist()),
-        part=int(skill.part_at(x[None])[0]) + 1 if skill.kind == "combined" else None,
+        part=acting + 1 if skill.kind == "combined" else None,
         weights=tuple(skill.part_weights_at(x[None])[0].tolist()),
-        velocity=tuple(skill.velocity(x).tolist()),
+        velocity=tuple(skill.velocity(x, acting).tolist()),
         arrives=arrives,
         end=tuple(path[-1].tolist()),
         attractor=nearest + 1 if arrives else None,
         time=float(times[-1]),
         given=skill.space.given(x),
         given_end=skill.space.given(path[-1]),
+        stages=_stages(skill, x, acting) if isinstance(skill, ChainedSkill) else None,
     )
+
+
+def _stages(chain: ChainedSkill, state: FloatArray, acting: int) -> tuple[int, int]:
+    """Return the stage of the part that acts, and that which goes on after a jump from the last one."""
+    last = len(chain.acting_parts) - 1
+    return chain.stage_of(acting) + 1, chain.stage_of(chain.resumed_at(state, last)) + 1
+
+
+def period_of(certificate: Certificate) -> float:
+    """Return a controller period to follow motions of a skill with, half of a proved one at most, [s]."""
+    proved = [part.period for part in certificate.parts if part.period is not None]
+    return min([LONGEST_PERIOD, *(0.5 * longest for longest in proved)])
 
 
 def _state(skill: Skill, position: Sequence[float]) -> FloatArray:

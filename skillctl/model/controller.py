@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -90,6 +91,10 @@ class Controller:
         self._measured: FloatArray | None = None
         self.blocked: tuple[str, ...] = ()
 
+    def __copy__(self) -> Controller:
+        """Return a controller that goes on from here by itself: no memory is shared."""
+        return deepcopy(self)
+
     @property
     def part(self) -> int | None:
         """Index of the part that acted last; None before the first step."""
@@ -151,18 +156,19 @@ class Controller:
             offset = None if last.offset is None else last.offset.tolist()
             vectors = {"states": last.states.tolist(), "command": last.command.tolist(), "offset": offset}
             memory["last"] = {**vectors, "parts": int(last.parts)}
-        return memory
+        return memory if self._ramp is None else {**memory, "ramp": self._ramp.state()}
 
-    def restore(self, memory: Mapping[str, Any]) -> None:
-        """Go on where another controller of the same skill and period was; of limits, from rest.
+    def restore(self, memory: Mapping[str, Any], *, moving: bool = False) -> None:
+        """Go on where another controller of the same skill, period and limits was.
 
         Args:
             memory: What its ``state`` returned.
+            moving: Whether the robot still moves as was commanded then. If not, the limits begin at rest.
 
         Raises:
             UsageError: It is not that of such a controller; this one is as before.
         """
-        course = Course(self.period)
+        course, ramp = Course(self.period), self._at_rest()
         try:
             last, begin = memory["last"], range(len(self.skill.parts) or 1)[memory["begin"]]
             course.begin(**memory["course"])
@@ -171,9 +177,11 @@ class Controller:
                 offset = None if last["offset"] is None else self._vector(last["offset"])
                 part = range(len(self.skill.acting_parts))[last["parts"]]
                 last = Step(states, command, part, offset)
+            if moving and ramp is not None:
+                ramp.restore(memory["ramp"])
         except (KeyError, IndexError, TypeError, ValueError):
             raise UsageError("state: it is not that of a controller of this skill.") from None
-        self._course, self._last, self._begin, self._ramp = course, last, begin, self._at_rest()
+        self._course, self._last, self._begin, self._ramp = course, last, begin, ramp
 
     def _vector(self, values: Sequence[float]) -> FloatArray:
         return np.array(values, dtype=np.float64).reshape(self.skill.dimension)
@@ -189,6 +197,11 @@ class Controller:
             states = moved(self.skill.space, self._last.states, command, self.period)
             self._last = replace(self._last, states=states, command=command)
         return command
+
+    @property
+    def rest(self) -> FloatArray | None:
+        """The state (d,) where ``brake`` leads after the last command; None before the first step."""
+        return self.next if self._last is None or self._ramp is None else self._ramp.rest(self._last.states)
 
     @property
     def resting(self) -> bool:

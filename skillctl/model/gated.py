@@ -33,7 +33,9 @@ class Quadratics:
         rows, columns = np.triu_indices(d)
         quadratic = np.zeros((k, d, d))
         quadratic[:, rows, columns] = coefficients[:, 1 + d :]
-        self.coefficients, self.origin = coefficients, origin
+        self.coefficients, self.origin = coefficients.view(), origin.view()
+        for array in (self.coefficients, self.origin):  # what is computed from them below would not follow
+            array.setflags(write=False)
         self._constants = coefficients[:, 0].copy()
         self._linear = coefficients[:, 1 : 1 + d].ravel()
         self._quadratic = quadratic.reshape(k * d, d)

@@ -83,7 +83,12 @@ def kept_out(
 
 
 def admitted(
-    skill: Skill, bodies: Sequence[AnyBody], *, margin: float, stride: float | None = None
+    skill: Skill,
+    bodies: Sequence[AnyBody],
+    *,
+    margin: float,
+    stride: float | None = None,
+    starts: FloatArray | None = None,
 ) -> tuple[list[AnyBody], tuple[tuple[AnyBody, str], ...]]:
     """Return those of the bodies that a skill can keep out of together; and the others, with reasons.
 
@@ -94,6 +99,7 @@ def admitted(
         bodies: In the order of their worth.
         margin: As of ``kept_out``.
         stride: As of ``kept_out``.
+        starts: Where the motion is known to start, shape (n, d); a body that one is in is left out, too.
     """
     chosen: list[tuple[AnyBody, Gauge]] = []
     refusals = []
@@ -103,6 +109,8 @@ def admitted(
         gauge = body.inflated(inflation)
         if gauge.values(skill.attractors[:, : len(gauge.pole)]).min() < LEAST_REACH:
             refusals.append((body, "the target is in it, or next to it"))
+        elif starts is not None and gauge.values(starts[:, : len(gauge.pole)]).min() < 1:
+            refusals.append((body, "the motion starts in it"))
         elif met := [other.name for other, taken in chosen if not separated(taken, gauge, least)]:
             refusals.append((body, f"it meets the {met[0]}"))
         else:

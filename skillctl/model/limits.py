@@ -10,9 +10,9 @@ within a Δt of the last one, the one is taken that
 3. moves z so that √V falls there by at least a share of what it falls along f, for the length;
 4. leaves z, and the straight way to it, outside of bodies.
 
-If 1 and 2 give a command that breaks 3 or 4, so much is taken of its difference to braking as keeps both.
-Braking does, as it leaves z where it is. At rest z is s, and that share of the skill's own step is taken that
-begins with ‖w‖ ≤ a Δt: there V falls as is proved.
+If 1 and 2 give a command that breaks 3 or 4, the shortest along f is tried, and then braking, which keeps
+both, as it leaves z where it is; of the commands between, the last that keeps them is taken. At rest z is s,
+and of the skill's own step the largest share with ‖w‖ ≤ a Δt is taken: there V falls as is proved.
 
 So V(z) never rises. Nor does it stay above zero: by 3 the way of z is finite, so z has a limit; there the
 robot comes to rest, and unless that is the target, a step of the skill's own leads on. A push, a moved target
@@ -31,7 +31,7 @@ the corners of that path as averages do.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -45,7 +45,7 @@ from skillctl.model.stepper import UNCAPPED, Caps, Step, Stepper, moved
 
 FOLLOWING = 0.8  # of the acceleration may be spent on following the path; the rest is for slowing down
 DESCENT = 0.1  # of the fall of √V along the skill's own step, for the length: what the stop has to fall by
-HALVINGS = 4  # of the difference to braking
+HALVINGS = 6  # of the difference between a command that is allowed and one that is not
 WHOLE = 1e-9  # of a number of steps: what rounding may add
 LONGEST_MEAN = 10.0  # [s] over which commands are averaged
 CLOSED = 1e-9  # of the distance to the target: coordinates that lead back this near hold there
@@ -97,14 +97,14 @@ class Limits:
         """Whether commands may change only so fast."""
         return min(self.acceleration, self.turn_acceleration) < math.inf
 
-    def periods(self, period: float) -> int:
-        """Return over how many periods [s] commands are averaged: N.
+    def periods(self, period: float, turns: bool) -> int:
+        """Return over how many periods [s] commands are averaged, N, of a state that turns or does not.
 
         Raises:
             UsageError: A jerk so small that it would be for more than ten seconds.
         """
         pairs = ((self.acceleration, self.jerk), (self.turn_acceleration, self.turn_jerk))
-        longest = max((2 * a / j for a, j in pairs if j < math.inf), default=0.0)
+        longest = max((2 * a / j for a, j in pairs[: 1 + turns] if j < math.inf), default=0.0)
         if longest > LONGEST_MEAN:
             raise UsageError(
                 f"jerk: is so small that it takes {0.5 * longest:.3g} s to reach the acceleration.",
@@ -123,11 +123,24 @@ class Ramp:
     def __init__(self, space: Space, limits: Limits, period: float) -> None:
         """Args: space; limits; period: Δt, [s]."""
         self._space, self._period = space, period
-        n, split = limits.periods(period), space.positions
+        split = space.positions
+        n = limits.periods(period, split < space.dimension)
         changes = limits.acceleration * period, limits.turn_acceleration * period
         self._changes = tuple(zip((slice(0, split), slice(split, space.dimension)), changes, strict=True))
         self._left = np.arange(n - 1, -1, -1) * (period / n)  # what is still to come of each command
         self._commands = np.zeros((n, space.dimension))  # w of the last N periods, the newest first
+
+    def state(self) -> list[list[float]]:
+        """Return the memory as plain numbers: w of the last N periods, the newest first."""
+        return self._commands.tolist()
+
+    def restore(self, memory: Sequence[Sequence[float]]) -> None:
+        """Go on with a memory.
+
+        Raises:
+            ValueError: It is not of as many periods, or of another space.
+        """
+        self._commands = np.array(memory, dtype=np.float64).reshape(self._commands.shape)
 
     @property
     def resting(self) -> bool:
@@ -145,6 +158,11 @@ class Ramp:
         if len(self._left) == 1:
             return state
         return self._space.displace_at(state, self._left @ self._commands)
+
+    def rest(self, state: FloatArray) -> FloatArray:
+        """Return the state (d,) where ``brake``, from a state (d,) on, leads."""
+        command = self._commands[0]
+        return self._moved(self.ahead(state), command, self._steps(command) - 1)
 
     def brake(self) -> FloatArray:
         """Return the next command (d,) on the way to rest: zero at the end, and from then on."""
@@ -192,15 +210,19 @@ class Ramp:
             return braked
         part = stepper.skill.acting_parts[int(step.parts)]
         onward = stepper.step(step.states, int(step.parts), caps, step.offset).command
-        wanted = self._nearest(step.command * self._ease(onward - step.command))
+        longest, shortest = self._along(step.command * self._ease(onward - step.command))
         stop = self._moved(s, self._commands[0], self._steps(self._commands[0]) - 1)
         asked = _Descent(part, s, step.states, stop)
-        for halvings in range(HALVINGS + 1):
-            command = braked + 0.5**halvings * (wanted - braked)
+
+        def allowed(command: FloatArray) -> bool:
             trial = self._moved(s, command, self._steps(command) + 1)
-            if asked.met_by(trial) and _free(part, s, trial, bodies):
-                return command
-        return braked
+            return asked.met_by(trial) and _free(part, s, trial, bodies)
+
+        if allowed(longest):
+            return longest
+        if allowed(shortest):
+            return _last(allowed, shortest, longest)
+        return _last(allowed, braked, shortest)
 
     def _moved(self, s: FloatArray, command: FloatArray, halves: int) -> FloatArray:
         return self._space.displace_at(s, 0.5 * halves * self._period * command)
@@ -222,8 +244,11 @@ class Ramp:
         size = self._size(change)
         return min(1.0, math.sqrt(FOLLOWING / size)) if size > 0 else 1.0
 
-    def _nearest(self, wanted: FloatArray) -> FloatArray:
-        """Return the longest command along ``wanted`` (d,) that is allowed, or else the nearest to any."""
+    def _along(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the longest and the shortest command along ``wanted`` (d,) that one period allows.
+
+        If there is none, both are the one that comes nearest to any of these.
+        """
         last = self._commands[0]
         low, high = 0.0, 1.0
         for block, change in self._changes:
@@ -231,14 +256,23 @@ class Ramp:
                 ends = _chord(wanted[block], last[block], change)
                 low, high = max(low, ends[0]), min(high, ends[1])
         if low <= high:
-            return high * wanted
+            return high * wanted, low * wanted
         weights = np.empty_like(last)
         for block, most in self._changes:
             weights[block] = 1 / most
         scaled = weights * wanted
         along = float(scaled @ (weights * last) / (scaled @ scaled))
         change = min(1.0, max(0.0, along)) * wanted - last
-        return np.asarray(last + change / self._size(change))
+        nearest = last + change / self._size(change)
+        return nearest, nearest
+
+
+def _last(allowed: Callable[[FloatArray], bool], good: FloatArray, bad: FloatArray) -> FloatArray:
+    """Return about the last command that is allowed on the way from one that is to one that is not."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if allowed(middle) else (good, middle)
+    return good
 
 
 def _chord(along: FloatArray, centre: FloatArray, radius: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from matplotlib.patches import Ellipse
 from skillctl.arrays import FloatArray
 from skillctl.model.mixture import GaussianMixture
 from skillctl.plotting import style
+from skillctl.plotting.chain import draw_handovers, pieces
 from skillctl.plotting.flow import draw_flow, drawn_grid
 from skillctl.plotting.portrait import Motion, Portrait
 from skillctl.rotations import matrices
@@ -34,10 +35,12 @@ def label(portrait: Portrait, axis: int) -> str:
 def draw_plane(axes: Axes, portrait: Portrait) -> None:
     """Draw a 2-D skill: regions, V, field, density, demonstrations, motions, attractors."""
     frame(axes, portrait, (0, 1))
-    draw_regions(axes, portrait)
-    draw_levels(axes, portrait)
-    draw_flow(axes, portrait)
-    draw_densities(axes, portrait, (0, 1))
+    if not portrait.chained:  # each stage has a field of its own
+        draw_regions(axes, portrait)
+        draw_levels(axes, portrait)
+        draw_flow(axes, portrait)
+        draw_densities(axes, portrait, (0, 1))
+    draw_handovers(axes, portrait, (0, 1))
     draw_paths(axes, portrait, (0, 1))
 
 
@@ -46,8 +49,9 @@ def side(i: int, j: int, *, density: bool = True) -> Draw:
 
     def draw(axes: Axes, portrait: Portrait) -> None:
         frame(axes, portrait, (i, j))
-        if density:
+        if density and not portrait.chained:
             draw_densities(axes, portrait, (i, j))
+        draw_handovers(axes, portrait, (i, j))
         draw_paths(axes, portrait, (i, j))
 
     return draw
@@ -57,12 +61,12 @@ def course(i: int) -> Draw:
     """Return the function that draws coordinate i against time."""
 
     def draw(axes: Axes, portrait: Portrait) -> None:
-        for demonstration in portrait.demonstrations:
+        for demonstration in portrait.timed:
             times = demonstration.times - demonstration.times[0]
             axes.plot(times, *portrait.coordinates(demonstration.positions, [i]), **style.DEMONSTRATED)
         for motion in portrait.motions:
-            line = line_of(portrait, motion)
-            axes.plot(motion.times, *portrait.coordinates(motion.positions, [i]), **line)
+            for piece, look in pieces(portrait, motion):
+                axes.plot(motion.times[piece], *portrait.coordinates(motion.positions[piece], [i]), **look)
         for goal in portrait.goals:
             axes.axhline(portrait.scale.factor * goal[i], color=style.INK, lw=0.7, ls=(0, (1, 2)), zorder=1)
         axes.set(xlabel="time [s]", ylabel=label(portrait, i))
@@ -73,20 +77,23 @@ def course(i: int) -> Draw:
 
 def draw_angles(axes: Axes, portrait: Portrait) -> None:
     """Draw against time how far a hand is turned from where it ends."""
-    for demonstration in portrait.demonstrations:
+    for demonstration in portrait.timed:
         states = demonstration.positions
         times = demonstration.times - demonstration.times[0]
         axes.plot(times, portrait.angles(states, states[-1]), **style.DEMONSTRATED)
     for motion in portrait.motions:
-        axes.plot(*angle_course(portrait, motion), **line_of(portrait, motion))
+        times, angles = angle_course(portrait, motion)
+        for piece, look in pieces(portrait, motion, apart=portrait.chained):
+            axes.plot(times[piece], angles[piece], **look)
     axes.set(xlabel="time [s]", ylabel="angle from target [°]")
     axes.set_xlim(0, latest_of(portrait))
     axes.set_ylim(bottom=0)
 
 
 def angle_course(portrait: Portrait, motion: Motion) -> tuple[FloatArray, FloatArray]:
-    """Return the times of a motion, and how far it is turned from its target then, in degrees."""
-    return motion.times, portrait.angles(motion.positions, portrait.skill.acting_parts[motion.part].attractor)
+    """Return the times of a motion, and how far it is turned from the target of what acts, in degrees."""
+    targets = np.stack([part.attractor for part in portrait.skill.acting_parts])[motion.acting]
+    return motion.times, portrait.angles(motion.positions, targets)
 
 
 def draw_line_field(axes: Axes, portrait: Portrait) -> None:
@@ -147,7 +154,8 @@ def draw_paths(axes: Axes, portrait: Portrait, picked: Sequence[int]) -> None:
     for demonstration in portrait.demonstrations:
         draw(demonstration.positions, style.DEMONSTRATED)
     for motion in portrait.motions:
-        draw(motion.positions, line_of(portrait, motion))
+        for piece, look in pieces(portrait, motion):
+            draw(motion.positions[piece], look)
     if portrait.turns:
         draw_hands(axes, portrait, picked)
     for colour, starts in starts_of(portrait):
@@ -175,15 +183,10 @@ def _spread(states: FloatArray, n: int) -> FloatArray:
     return np.asarray(states[np.searchsorted(way, np.linspace(0, way[-1], HANDS))])
 
 
-def line_of(portrait: Portrait, motion: Motion) -> style.Line:
-    """Return how a motion looks: of a combined skill, in the colour of the part that acted at its end."""
-    return style.moved_by(motion.part) if len(portrait.skill.acting_parts) > 1 else style.MOVED
-
-
 def starts_of(portrait: Portrait) -> Iterator[tuple[str, FloatArray]]:
     """Yield starts (n, d) and their colour: of a combined skill, that of the part which they select."""
     skill, starts = portrait.skill, np.array([motion.positions[0] for motion in portrait.motions])
-    if len(skill.acting_parts) == 1:
+    if portrait.chained or not portrait.grouped:
         yield "white", starts
         return
     selected = skill.part_at(starts)
@@ -271,6 +274,6 @@ def draw_levels(axes: Axes, portrait: Portrait) -> None:
 
 def latest_of(portrait: Portrait) -> float:
     """Return the time up to which motions are worth showing, [s]: the end of a rollout is slow."""
-    ends = [d.duration for d in portrait.demonstrations]
+    ends = [d.duration for d in portrait.timed]
     arrivals = [float(motion.times[-1]) for motion in portrait.motions]
     return min(2 * max(ends), max([*ends, *arrivals])) if ends else max(arrivals)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skillctl.arrays import FloatArray
+from skillctl.arrays import FloatArray, IntArray
 from skillctl.geometry import box
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import Skill
@@ -31,14 +32,19 @@ class Motion:
     Attributes:
         times: Shape (T,), [s].
         positions: States, shape (T, d).
-        part: The part that acted at its end, from 0.
+        acting: The part that acts, from 0. Shape (T,).
         speeds: By central differences, shape (T,), in the unit of the space per second.
     """
 
     times: FloatArray
     positions: FloatArray
-    part: int
+    acting: IntArray
     speeds: FloatArray
+
+    @property
+    def part(self) -> int:
+        """The part that acted at its end."""
+        return int(self.acting[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +68,8 @@ class Portrait:
         name: For its title.
         skill: The skill.
         demonstrations: The demonstrations that it carries.
-        motions: One from the start of each; without demonstrations, one from each centre of its density.
+        motions: One from the start of each; without demonstrations, one from each centre of its density. Of a
+            chain those of its first stage.
         low, high: Corners of the box around their positions and the attractors', with a margin. Shape (n,),
             where n is the number of coordinates that are a position.
     """
@@ -78,6 +85,25 @@ class Portrait:
     def goals(self) -> FloatArray:
         """Where motions end. Shape (n, d)."""
         return self.skill.attractors
+
+    @property
+    def chained(self) -> bool:
+        """Whether the skill is a chain."""
+        return self.skill.kind == "chain"
+
+    @property
+    def timed(self) -> tuple[Demonstration, ...]:
+        """The demonstrations that begin when motions do: of a chain, whose stages begin later, none."""
+        return () if self.chained else self.demonstrations
+
+    @property
+    def grouped(self) -> bool:
+        """Whether colours tell which part, or which stage, acts."""
+        return len(self.skill.acting_parts) > 1
+
+    def group_of(self, part: int) -> int:
+        """Return the number of the colour of a part that acts: of a chain, that of its stage."""
+        return self.skill.stage_of(part) if self.chained else part
 
     @property
     def dimension(self) -> int:
@@ -110,20 +136,27 @@ class Portrait:
 
 def portrait_of(name: str, skill: Skill, taught: Sequence[DemonstrationSet | None]) -> Portrait:
     """Return the portrait of a skill and the demonstrations that its leaves carry."""
-    demonstrations = tuple(motion for members in taught if members is not None for motion in members)
+    demonstrations = tuple(_members(taught))
     density, n = skill.density, skill.space.positions
-    if demonstrations:
-        starts = np.stack([d.positions[0] for d in demonstrations])
+    first = skill.parts[0] if isinstance(skill, ChainedSkill) else skill
+    shown = list(_members(taught[: len(first.leaves)]))
+    if shown:
+        starts = np.stack([d.positions[0] for d in shown])
     else:
-        starts = np.vstack([part.uncharted(part.density.means) for part in skill.acting_parts])
+        starts = np.vstack([part.uncharted(part.density.means) for part in first.acting_parts])
     longest = max((d.duration for d in demonstrations), default=None)
     motions = motions_from(skill, starts, longest)
     spread = 2 * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     around = [d.positions for d in demonstrations] or [density.means - spread, density.means + spread]
-    inner = np.vstack([*around, skill.attractors])[:, :n]
+    ends = [part.attractor for part in skill.acting_parts]
+    inner = np.vstack([*around, *ends])[:, :n]
     near = [_inside(motion.positions[:, :n], inner) for motion in motions]
     low, high = box_around(np.vstack([inner, *near]))
     return Portrait(name, skill, demonstrations, motions, low, high)
+
+
+def _members(taught: Sequence[DemonstrationSet | None]) -> Iterator[Demonstration]:
+    return (motion for members in taught if members is not None for motion in members)
 
 
 def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None) -> tuple[Motion, ...]:
@@ -135,7 +168,8 @@ def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None)
         longest: Duration of the longest demonstration, [s]; None: by the skill's own speed.
     """
     period = _period(skill) if longest is None else min(longest / STEPS, _period(skill))
-    duration = min(PATIENCE * (longest or STEPS * period), MOST_STEPS * period)
+    stages = len(skill.parts) if isinstance(skill, ChainedSkill) else 1
+    duration = min(stages * PATIENCE * (longest or STEPS * period), MOST_STEPS * period)
     with np.errstate(over="ignore", invalid="ignore"):  # a skill without proof may leave all bounds
         result = rollout(skill, starts, duration=duration, period=period)
     motions = []
@@ -145,7 +179,8 @@ def motions_from(skill: Skill, starts: FloatArray, longest: float | None = None)
         end = len(times) if usable.all() else int(np.argmin(usable))
         picked = np.unique(np.linspace(0, end - 1, POINTS).astype(np.int64))
         times, positions = times[picked], positions[picked]
-        motions.append(Motion(times, positions, int(result.parts[index]), _speeds(skill, times, positions)))
+        speeds = _speeds(skill, times, positions)
+        motions.append(Motion(times, positions, result.acting[index, picked], speeds))
     return tuple(motions)
 
 

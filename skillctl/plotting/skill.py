@@ -14,14 +14,24 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from skillctl.arrays import FloatArray
 from skillctl.plotting import style
+from skillctl.plotting.chain import draw_speeds
 from skillctl.plotting.flow import widest_speed
-from skillctl.plotting.panels import columns_of, course, draw_line_field, draw_paths, draw_plane, label
+from skillctl.plotting.panels import (
+    Draw,
+    columns_of,
+    course,
+    draw_angles,
+    draw_line_field,
+    draw_paths,
+    draw_plane,
+    label,
+)
 from skillctl.plotting.portrait import Portrait, joint_box
 
 WIDTH = 7.4  # [inch], of figures; a README shows them a little smaller
 PANEL = 2.7  # [inch], width of one skill among several
 COURSE = 1.6  # [inch], height of a course over time below views
-TITLES = ("seen from above", "seen from the side", "seen from the front", "how far the hand is turned")
+TITLES = ("seen from above", "seen from the side", "seen from the front")
 MOST_IN_A_ROW = 4
 
 
@@ -30,7 +40,7 @@ def draw_skill(portrait: Portrait, about: str) -> Figure:
 
     Two dimensions: the plane. Three: orthogonal views and a perspective. One: velocity over position, and
     position over time. More: every coordinate over time. With an orientation also the axes of the hand, and
-    its angle from the target over time.
+    its angle from the target over time. Of a chain also speeds over time.
 
     Args:
         portrait: The skill.
@@ -93,21 +103,12 @@ def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
     if any(portrait.demonstrations for portrait in portraits):
         wanted.insert(0, "demonstration")
     if dimension in (2, 3):
-        wanted += ["start", "attractor", "position density, 2σ"]
+        wanted += ["start", "attractor"]
     if portraits[0].turns:
         wanted += style.AXES
-    if dimension == 2:
-        wanted.append("level of V")
-    handles = style.entries(*wanted)
-    if dimension == 2:
-        words = "the wider, the faster"
-        if len(portraits) == 1:
-            (only,) = portraits
-            fastest = style.two_digits(only.scale.factor * widest_speed(only))
-            words = f"widest: {fastest} {only.scale.unit}/s"
-        handles[f"field; {words}"] = style.entries("field")["field"]
+    handles = style.entries(*wanted) | _fields([portrait for portrait in portraits if not portrait.chained])
     for portrait in portraits:
-        if len(portrait.skill.acting_parts) > 1:
+        if portrait.grouped:
             handles["motion of the skill"].set_color(style.INK)  # the colours tell the parts
             if len(portraits) == 1:
                 handles.pop("position density, 2σ", None)
@@ -115,11 +116,34 @@ def explained(portraits: Sequence[Portrait]) -> dict[str, Any]:
     return handles
 
 
+def _fields(portraits: Sequence[Portrait]) -> dict[str, Any]:
+    """Return the entries of what is drawn of skills with one field: density, and in the plane the field."""
+    dimension = portraits[0].dimension if portraits else 0
+    if dimension not in (2, 3):
+        return {}
+    handles = style.entries("position density, 2σ", *["level of V"][: dimension == 2])
+    if dimension == 2:
+        words = "the wider, the faster"
+        if len(portraits) == 1:
+            (only,) = portraits
+            fastest = style.two_digits(only.scale.factor * widest_speed(only))
+            words = f"widest: {fastest} {only.scale.unit}/s"
+        handles[f"field; {words}"] = style.entries("field")["field"]
+    return handles
+
+
 def _parts(portrait: Portrait) -> dict[str, Any]:
-    """Return the entries of the parts of a combined skill."""
+    """Return the entries of the parts of a combined skill, or of the stages of a chain."""
+    if portrait.chained:
+        over = ["where a stage is over"][: portrait.dimension in (2, 3)]
+        return style.entries(*over) | _patches("stage", len(portrait.skill.parts))
     chosen = "acts: part" if portrait.skill.reselects else "starts that select part"
     what = {2: chosen, 3: "density of part"}.get(portrait.dimension, "part")
-    colours = map(style.part_colour, range(len(portrait.skill.acting_parts)))
+    return _patches(what, len(portrait.skill.acting_parts))
+
+
+def _patches(what: str, count: int) -> dict[str, Any]:
+    colours = map(style.part_colour, range(count))
     return {
         f"{what} {number}": Patch(facecolor=style.to_tint(colour, 0.35), edgecolor=colour)
         for number, colour in enumerate(colours, start=1)
@@ -129,26 +153,36 @@ def _parts(portrait: Portrait) -> dict[str, Any]:
 def _plane(portrait: Portrait) -> Figure:
     span = portrait.high - portrait.low
     width = WIDTH - 0.8
-    figure = Figure((WIDTH, min(width * float(span[1] / span[0]), 8.0) + 1.3), layout="constrained")
-    axes = figure.add_subplot()
-    draw_plane(axes, portrait)
+    below = _below(portrait)
+    tall = min(width * float(span[1] / span[0]), 8.0)
+    figure = Figure((WIDTH, tall + COURSE * len(below) + 1.3), layout="constrained")
+    panels = figure.subplots(1 + len(below), 1, squeeze=False, height_ratios=[tall, *[COURSE] * len(below)])
+    for axes, draw in zip(panels.flat, (draw_plane, *below.values()), strict=True):
+        draw(axes, portrait)
     return figure
+
+
+def _below(portrait: Portrait) -> dict[str, Draw]:
+    """Return what is drawn over time, below a plane or views of space, by its title."""
+    angles: dict[str, Draw] = {"how far the hand is turned": draw_angles} if portrait.turns else {}
+    return angles | ({"how fast it moves, stage by stage": draw_speeds} if portrait.chained else {})
 
 
 def _space(portrait: Portrait) -> Figure:
     """Return views from above, the side and the front on one scale, edge to edge, and a perspective.
 
-    A skill with orientation has its angle from the target below them.
+    A skill with orientation has its angle from the target below them, a chain its speeds.
     """
     x, y, z = (portrait.high - portrait.low).tolist()
     scene = WIDTH - 1.6
     tall = scene * (y + z) / (x + y)
-    below = [COURSE] if portrait.turns else []
-    figure = Figure((WIDTH, tall + sum(below) + 2.3), layout="constrained")
-    heights = [tall * y / (y + z), tall * z / (y + z), *below]
+    below = _below(portrait)
+    figure = Figure((WIDTH, tall + COURSE * len(below) + 2.3), layout="constrained")
+    heights = [tall * y / (y + z), tall * z / (y + z), *[COURSE] * len(below)]
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(x, y), height_ratios=heights)
-    places = (grid[0, 0], grid[1, 0], grid[1, 1], grid[-1, :])
-    for place, draw, title in zip(places, columns_of(portrait), TITLES, strict=False):
+    places = (grid[0, 0], grid[1, 0], grid[1, 1], *(grid[row, :] for row in range(2, len(heights))))
+    draws = dict(zip(TITLES, columns_of(portrait), strict=False)) | below
+    for place, (title, draw) in zip(places, draws.items(), strict=True):
         axes = figure.add_subplot(place)
         draw(axes, portrait)
         if portrait.skill.space.unit == "m":  # joint angles have no above
@@ -178,7 +212,8 @@ def _draw_perspective(axes: Axes3D, portrait: Portrait) -> None:
 
 def _courses(portrait: Portrait) -> Figure:
     dimension = portrait.dimension
-    draws = [draw_line_field, course(0)] if dimension == 1 else [course(i) for i in range(dimension)]
+    first = [draw_line_field][: dimension == 1 and not portrait.chained]
+    draws = [*first, *map(course, range(dimension)), *[draw_speeds][: portrait.chained]]
     rows = math.ceil(len(draws) / 2)
     figure = Figure((WIDTH, 1.9 * rows + 1.2), layout="constrained")
     axes = style.first(figure.subplots(rows, 2, squeeze=False), len(draws))

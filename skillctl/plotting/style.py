@@ -31,6 +31,7 @@ PARTS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#8C6D31", "#0072B2", "#D55
 
 DARKER = 0.7  # share of a part's colour that its motions keep
 
+HALO = [withStroke(linewidth=2.0, foreground="white")]  # numbers stay readable on lines
 OUTLINED = [withStroke(linewidth=1.7, foreground=INK)]  # white lines are lost on yellow
 
 DEMONSTRATED: Line = {"color": DEMONSTRATION, "lw": 1.3, "ls": (0, (4, 1.6)), "zorder": 4.0}
@@ -46,6 +47,8 @@ AXES: dict[str, Line] = {  # of the hand: red, green and blue, as everywhere
 }
 LOST: Line = {"color": WITNESS, "lw": 1.8, "zorder": 7.5}
 LOWEST: Line = {"ls": "", "marker": "D", "ms": 5, "mfc": "white", "mec": INK, "mew": 1.0, "zorder": 8.0}
+NUMBERED: Line = {"fontsize": 8.0, "fontweight": "bold", "color": INK, "path_effects": HALO}
+NOTED: Line = {"fontsize": 7.0, "color": INK, "path_effects": HALO, "zorder": 6.0}
 FAINT: Line = {"color": "white", "lw": 0.7, "zorder": 4.0, "path_effects": OUTLINED}
 PROVED: Line = {"color": INK, "lw": 1.4, "ls": (0, (5, 2)), "zorder": 4.0}
 
@@ -131,6 +134,7 @@ def entries(*wanted: str) -> dict[str, Any]:
         "proved: no motion is slower": Line2D([], [], **PROVED),
         "lowest decay rate": Line2D([], [], **LOWEST),
         "proved radius": Line2D([], [], ls="", marker="o", ms=9, mfc="none", mec=QUIET, mew=1.4),
+        "where a stage is over": Patch(facecolor=to_tint(QUIET, 0.35), edgecolor=QUIET, lw=1.0),
         "field": Line2D([], [], color=FLOW, lw=1.6),
         "level of V": Line2D([], [], color=QUIET, lw=0.8, ls=":"),
     }
@@ -138,7 +142,7 @@ def entries(*wanted: str) -> dict[str, Any]:
 
 
 def part_colour(index: int) -> str:
-    """Return the colour of a part of a combined skill."""
+    """Return the colour of a part of a combined skill, or of a stage of a chain."""
     return PARTS[index % len(PARTS)]
 
 

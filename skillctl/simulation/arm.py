@@ -175,6 +175,7 @@ class LiveArm(ABC):
         kinematics: Of a twin of the arm.
         state: Measured after the last period.
         orientation: Orientation of the hand then, q_xyzw in the world.
+        load: Weight of what the hand is known to carry, [N]; position motors hold it anyway.
     """
 
     period: ClassVar[float]
@@ -183,6 +184,7 @@ class LiveArm(ABC):
         """Args: body, which nothing else moves; joints at the start, (n,), [rad], at rest; kinematics."""
         self.body, self.kinematics = body, kinematics
         self.orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+        self.load = 0.0
         self._lowest = np.array(body.model.lower) + STOP_MARGIN
         self._highest = np.array(body.model.upper) - STOP_MARGIN
         self._fastest = np.array(body.model.max_velocity)

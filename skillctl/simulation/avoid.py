@@ -17,6 +17,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.bodies import Body, Box
 from skillctl.model.kept_out import admitted, kept_out
@@ -26,7 +27,7 @@ from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.placement import Placement
-from skillctl.simulation.scenario import BoxObstacle, CylinderObstacle, Scenario
+from skillctl.simulation.scenario import BoxObstacle, Cup, CylinderObstacle, Scenario
 from skillctl.simulation.scene import boxes
 
 BULLET_PADDING = 0.004  # [m], by which Bullet's boxes around meshes are larger on each side
@@ -44,11 +45,13 @@ class HandShape:
     Attributes:
         low, high: Corners of all parts.
         fingers: Which of them are fingers, two or none.
+        carried: The cup that stands upright in the hand. Its foot needs no more room than the margin.
     """
 
     low: FloatArray
     high: FloatArray
     fingers: tuple[int, ...]
+    carried: Cup | None = None
 
     def around(self, axes: FloatArray, parts: list[int] | None = None) -> tuple[FloatArray, FloatArray]:
         """Return the corners (3,) of one box around parts of the hand, along axes (rows, (3, 3))."""
@@ -59,6 +62,9 @@ class HandShape:
             for k in chosen
             for i, j, m in np.ndindex(2, 2, 2)
         ]
+        if self.carried is not None and parts is None:
+            beside, foot = self.carried.radius, 0.5 * self.carried.height - ROOM
+            corners += [np.array([-beside, -beside, -foot]), np.array([beside, beside, foot])]
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
@@ -97,15 +103,20 @@ class Avoidance:
         scenario, placement: Of the run.
         shape: Of the hand.
         kinematics: Gives the hand's orientation at the target.
+        starts: Where the motion is known to start, (n, d), in the skill's frame; a body there is left out.
     """
 
     scenario: Scenario
     placement: Placement
     shape: HandShape
     kinematics: Kinematics
+    starts: FloatArray | None = None
 
     def applied(self, skill: AnySkill, moved: FloatArray) -> AnySkill:
         """Return a skill, moved in the workspace by ``moved`` (3,) [m], that keeps out of the scene."""
+        if isinstance(skill, ChainedSkill):
+            stages = zip(self._stages_of(skill), skill.parts, strict=True)
+            return replace(skill, parts=tuple(stage.applied(part, moved) for stage, part in stages))
         if isinstance(skill, CombinedSkill) and self.kinematics.hand == "taught":  # parts turn it differently
             return replace(skill, parts=tuple(self.applied(part, moved) for part in skill.parts))
         bodies, _ = self.admitted(skill, moved)
@@ -113,6 +124,9 @@ class Avoidance:
 
     def said(self, skill: Skill) -> str:
         """Return what of the scene a skill is kept out of, and of what it is not and why, in a sentence."""
+        if isinstance(skill, ChainedSkill):
+            said = (stage.said(part) for stage, part in zip(self._stages_of(skill), skill.parts, strict=True))
+            return " ".join(f"stage {number}: {text}" for number, text in enumerate(said, start=1))
         bodies, refusals = self.admitted(skill, np.zeros(3))
         names = ", ".join(dict.fromkeys(body.name for body in bodies)) or "nothing"
         meshes = [f"{each.name} (a mesh)" for each in self.scenario.obstacles if each.kind == "mesh"]
@@ -128,7 +142,17 @@ class Avoidance:
         target = ends[0]  # of a pose with its orientation
         target[:3] = ends[:, :3].mean(axis=0) + moved
         bodies = [body.translated(-self.placement.origin - moved) for body in self.bodies(target)]
-        return admitted(skill, bodies, margin=MARGIN, stride=self._stride)
+        return admitted(skill, bodies, margin=MARGIN, stride=self._stride, starts=self.starts)
+
+    def _stages_of(self, chain: ChainedSkill) -> Iterator[Avoidance]:
+        """Yield what keeps each stage of a chain out: its hand may carry a cup, or go to it."""
+        carried, starts = False, None
+        for stage, events in enumerate(chain.events):
+            seen = self.scenario.changed(target="cup" if stage in self.scenario.stages_at("cup") else None)
+            shape = replace(self.shape, carried=self.scenario.cup if carried else None)
+            yield replace(self, scenario=seen, shape=shape, starts=starts)
+            carried = "close" in events or (carried and "open" not in events)
+            starts = chain.parts[stage].attractors
 
     @property
     def _unsure(self) -> bool:

@@ -10,12 +10,14 @@ from typing import Literal, TypeAlias
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import GoalNotReachedError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.draws import drawn
 from skillctl.simulation.episode import (
     OUTCOMES,
+    PHASES,
     SUCCESSES,
     Episode,
     Metrics,
@@ -153,8 +155,10 @@ def run_row(
 
 def _trace(episode: Episode) -> Trace:
     series = episode.series
-    approach = series.phases == 0
-    path, turns = series.hand[approach], series.hand_turns[approach]
+    moving = series.phases == PHASES.index("approach")
+    if isinstance(episode.setup.skill, ChainedSkill):
+        moving[:] = True
+    path, turns = series.hand[moving], series.hand_turns[moving]
     shown = spread_out(path, PATH_SPACING)
     return Trace(
         arm=episode.setup.arm,

@@ -1,13 +1,55 @@
-"""Disturbances of an episode: pushes, moved targets, displaced hands, and errors of perception."""
+"""Disturbances of an episode: pushes, moved targets, displaced hands, and cups knocked out of a hand."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.scenario import Displace, Disturbance, MoveTarget, Push, Scenario
+from skillctl.simulation.values import Duration, Part, Point, Time
+
+
+class Push(Part):
+    """A force on the hand, [N]. Position motors hold against some 100 N; torque control yields."""
+
+    kind: Literal["push"] = "push"
+    time: Time
+    duration: Duration
+    force: Point
+
+
+class MoveTarget(Part):
+    """A jump of the target, and of the cup if there is one, by ``offset`` [m]."""
+
+    kind: Literal["move-target"] = "move-target"
+    time: Time
+    offset: Point
+
+
+class Displace(Part):
+    """A jump of the hand by ``offset`` [m]; a hand that is taught turns by the vector ``turn`` [rad], too."""
+
+    kind: Literal["displace"] = "displace"
+    time: Time
+    offset: Point
+    turn: Point = (0.0, 0.0, 0.0)
+
+
+class Knock(Part):
+    """A jump of the cup out of the hand by ``offset`` [m], ``time`` [s] after a chain has first taken it.
+
+    From there it falls, upright and at rest. A cup that is not in the hand then is left in peace.
+    """
+
+    kind: Literal["knock"] = "knock"
+    time: Time
+    offset: Point
+
+
+Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace | Knock, Field(discriminator="kind")]
 
 
 class Schedule:
@@ -16,7 +58,8 @@ class Schedule:
     def __init__(self, disturbances: Sequence[Disturbance]) -> None:
         """Args: the disturbances, in any order."""
         self._pushes = [event for event in disturbances if isinstance(event, Push)]
-        jumps = [event for event in disturbances if not isinstance(event, Push)]
+        self._knocks = [event for event in disturbances if isinstance(event, Knock)]
+        jumps = [event for event in disturbances if isinstance(event, MoveTarget | Displace)]
         self._jumps = sorted(jumps, key=lambda event: event.time)  # stable: equal times as they are listed
 
     def push(self, time: float) -> FloatArray | None:
@@ -29,6 +72,18 @@ class Schedule:
         while self._jumps and self._jumps[0].time <= time:
             yield self._jumps.pop(0)
 
+    def knocked(self, carried: float) -> FloatArray | None:
+        """Return the offset (3,) [m] of a knock that is due, once; None if none is.
+
+        Args:
+            carried: How long ago the cup was first taken, [s].
+        """
+        due = next((knock for knock in self._knocks if knock.time <= carried), None)
+        if due is None:
+            return None
+        self._knocks.remove(due)
+        return np.array(due.offset)
+
 
 def last_end(disturbances: Sequence[Disturbance]) -> float:
     """Return when the last disturbance is over, [s]; 0 without any."""
@@ -40,30 +95,3 @@ def jumped(disturbances: Sequence[Disturbance]) -> float:
     """Return the total length of all jumps of target and hand, [m]."""
     offsets = [event.offset for event in disturbances if not isinstance(event, Push)]
     return float(sum(np.linalg.norm(offset) for offset in offsets))
-
-
-class Perception:
-    """Measurements of hand and target: their true positions plus Gaussian errors.
-
-    Hand and target have generators of their own, so that the errors of one do not change the other's.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        """Args: scenario, for noise, target error and seed."""
-        self._noise, self._target_error = scenario.noise, scenario.target_error
-        sequences = np.random.SeedSequence(scenario.seed).spawn(2)
-        self._hand_errors, self._target_errors = map(np.random.default_rng, sequences)
-
-    def hand(self, place: FloatArray) -> FloatArray:
-        """Return the perceived place of the hand; its orientation has no error."""
-        if not self._noise:
-            return place
-        seen = place.copy()
-        seen[:3] += self._hand_errors.normal(0.0, self._noise, 3)
-        return seen
-
-    def read_target(self) -> FloatArray:
-        """Return a new error of the perceived target, shape (3,), [m]; its height has none."""
-        if not self._target_error:
-            return np.zeros(3)
-        return np.array([*self._target_errors.normal(0.0, self._target_error, 2), 0.0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
 from skillctl.simulation.clutter import bottles
+from skillctl.simulation.disturbances import Knock
 from skillctl.simulation.scenario import Cup, Sampling, Scenario
 from skillctl.simulation.values import Range
 
@@ -24,8 +25,8 @@ TURN_SCATTER = 0.05  # [rad], about three degrees
 POSITIONS = Euclidean.cartesian(3)
 
 Taught: TypeAlias = Sequence[DemonstrationSet | None]  # per leaf of a skill
-Stream: TypeAlias = Literal["cup", "start", "body", "seed", "turn", "bottles"]
-STREAMS: tuple[Stream, ...] = ("cup", "start", "body", "seed", "turn", "bottles")  # append only
+Stream: TypeAlias = Literal["cup", "start", "body", "seed", "turn", "bottles", "place", "knock"]
+STREAMS: tuple[Stream, ...] = get_args(Stream)  # append only
 
 
 def chosen(
@@ -151,6 +152,17 @@ def drawn(scenario: Scenario, episode: int, starts: FloatArray, space: Space = P
         if sampling.bottles is not None:
             beside = bottles(sampling.bottles, cup, scenario.scene, generators["bottles"])
             changes["obstacles"] = (*scenario.obstacles, *beside)
+    if scenario.place is not None:
+        x, y = scenario.place.place
+        place = generators["place"]
+        position = _between(sampling.place_x_range, x, place), _between(sampling.place_y_range, y, place)
+        changes["place"] = scenario.place.model_copy(update={"position": position})
+    if sampling.knock_time_range is not None:
+        time = _between(sampling.knock_time_range, 0.0, generators["knock"])
+        changes["disturbances"] = tuple(
+            event.model_copy(update={"time": time}) if isinstance(event, Knock) else event
+            for event in scenario.disturbances
+        )
     box = (sampling.start_x_range, sampling.start_y_range, sampling.start_z_range)
     if sampling.start_scatter is not None:
         positions = starts[:, : space.positions]

@@ -10,6 +10,7 @@ import numpy as np
 from skillctl.arrays import BoolArray, FloatArray, IntArray
 from skillctl.errors import GoalNotReachedError
 from skillctl.geometry import arc_lengths, path_length
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.rotations import angles, vectors
 from skillctl.simulation.arms import ArmModel
@@ -34,11 +35,16 @@ Outcome: TypeAlias = Literal[
     "missed",
     "dropped",
     "start_collision",
+    "placed",
+    "misplaced",
 ]
-"""How an episode ended. The first two are successes:
+"""How an episode ended. Three are successes:
 
 - ``reached``: the hand stayed within the tolerances of the true target for the settle time;
-- ``grasped``: the cup was lifted and held, and the arm never touched the scene.
+- ``grasped``: the cup was lifted and held, and the arm never touched the scene; of a chain: it holds it at
+  its end;
+- ``placed``: a chain set the cup down: a second after it was let go it stands upright at its place, and the
+  arm never touched the scene.
 
 The others are failures:
 
@@ -51,14 +57,16 @@ The others are failures:
 - ``tipped``: the cup fell over, or off its board, before the fingers closed;
 - ``missed``: the cup was not between both fingers when they had closed; without a cup: the hand stayed where
   it perceived its target, and that is elsewhere;
-- ``dropped``: the cup was not lifted far enough, or not held to the end;
+- ``dropped``: the cup was not lifted far enough, or not held to the end, and of a chain it does not stand
+  where it can be taken again;
+- ``misplaced``: the cup was let go and stands elsewhere, or hangs on the hand;
 - ``start_collision``: the arm touches something where it starts.
 """
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
-SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped")
+SUCCESSES: tuple[Outcome, ...] = ("reached", "grasped", "placed")
 
 Unit: TypeAlias = Literal["m", "rad"]
-Phase: TypeAlias = Literal["approach", "close", "lift", "hold"]
+Phase: TypeAlias = Literal["approach", "close", "lift", "hold", "carry", "open", "leave", "lost"]
 PHASES: tuple[Phase, ...] = get_args(Phase)
 
 
@@ -165,7 +173,7 @@ class Metrics:
         final_error: Distance from the hand to the target at the end, or when the lift began, [m].
         final_turn: Angle of a taught hand to the orientation of its target then, [rad].
         time_to_target: Time from which the hand stayed within the tolerances, or near enough for the fingers
-            to close, [s]; NaN if it did not.
+            to close, [s]; of a chain with a cup, when it had let it go; NaN if it did not.
         simulated_time: Length of the episode, [s].
         tracking_median, tracking_rmse, tracking_p95: Distance between hand and reference, [m].
         plan_deviation: Largest distance of the hand from the path of the ideal rollout, [m].
@@ -181,6 +189,9 @@ class Metrics:
         cup_moved: Distance by which the hand moved the cup before the fingers closed, [m].
         cup_rise: Height of the cup above its start at the end, [m].
         grip_width: Distance of the fingers at the end, [m].
+        cup_off: Distance of the cup at the end from the place where a chain sets it down, no height, [m].
+        cup_lost, cup_stood: How often a chain lost the cup, and how often it then stood in reach.
+        cup_tries: How often the fingers of a chain closed.
     """
 
     final_error: float
@@ -204,6 +215,19 @@ class Metrics:
     grip_width: float
     final_turn: float
     manipulability: float
+    cup_off: float = np.nan
+    cup_lost: int = 0
+    cup_stood: int = 0
+    cup_tries: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StageTime:
+    """When a stage of a chain, from 1, began and ended, [s]; one that began anew is listed again."""
+
+    stage: int
+    began: float
+    ended: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -234,8 +258,21 @@ class Episode:
         return np.asarray(self.series.targets[-1])
 
     @property
+    def stages(self) -> tuple[StageTime, ...]:
+        """The stages of a chain in the order in which they acted; none of any other skill."""
+        skill, series = self.setup.skill, self.series
+        if not isinstance(skill, ChainedSkill):
+            return ()
+        acting = np.array([skill.stage_of(part) for part in series.parts.tolist()])
+        again = (np.diff(series.phases, prepend=0) != 0) & (series.phases == PHASES.index("approach"))
+        first = np.flatnonzero((np.diff(acting, prepend=-1) != 0) | again)
+        ends = series.times[[*first[1:].tolist(), len(acting) - 1]]
+        rows = zip((acting[first] + 1).tolist(), series.times[first].tolist(), ends.tolist(), strict=True)
+        return tuple(StageTime(*row) for row in rows)
+
+    @property
     def success(self) -> bool:
-        """Whether the hand reached the target, or grasped the cup."""
+        """Whether the hand reached the target, grasped the cup, or set it down at its place."""
         return self.outcome in SUCCESSES
 
 
@@ -257,7 +294,7 @@ def measure(
         contacts: Pairs that touched, in words.
         turn_tolerance: Angle to its orientation that counts as reached, [rad].
     """
-    by_skill = series.phases <= PHASES.index("close")
+    by_skill = ~np.isin(series.phases, [PHASES.index("lift"), PHASES.index("hold")])
     hand = series.hand[by_skill]
     tracking = np.linalg.norm(hand - series.reference[by_skill], axis=1)
     distances = np.linalg.norm(hand - series.targets[by_skill], axis=1)

@@ -51,15 +51,66 @@ class Gripper:
         bullet.changeConstraint(gear, gearRatio=-1, erp=GEAR_ERP, maxForce=GEAR_FORCE)
         for joint in self._joints:
             bullet.changeDynamics(arm.body, joint, lateralFriction=1.0)
+        self._open = dict(arm.model.fingers)
         names = arm.link_names()
         self.links = tuple(names[joint] for joint in self._joints)
 
     def close(self, force: float, speed: float) -> None:
         """Begin to close with ``force`` [N] and ``speed`` [m/s] a finger."""
+        self._go(dict.fromkeys(self._joints, 0.0), force, speed)
+
+    def open(self, force: float, speed: float) -> None:
+        """Begin to open; see ``close``."""
+        self._go(self._open, force, speed)
+
+    def _go(self, places: dict[int, float], force: float, speed: float) -> None:
         body, bullet = self._arm.body, self._arm.bullet
         motor = {"controlMode": bullet.POSITION_CONTROL, "force": force, "maxVelocity": speed}
-        for joint in self._joints:
-            bullet.setJointMotorControl2(body, joint, targetPosition=0.0, **motor)
+        for joint, place in places.items():
+            bullet.setJointMotorControl2(body, joint, targetPosition=place, **motor)
+
+
+class Standing:
+    """A cup that should stand where it is until it is taken."""
+
+    def __init__(self, cup: FloatArray) -> None:
+        """Args: pose (7,) of the cup."""
+        self.place = cup[:3]
+        self._toucher = ""
+
+    def moved(self, offset: FloatArray) -> None:
+        """Move the place where it should stand by ``offset`` (3,) [m]."""
+        self.place = self.place + offset
+
+    def verdict(self, time: float, cup: FloatArray, touching: set[str]) -> Verdict | None:
+        """Return how the cup fell, None if it stands.
+
+        Args:
+            time: The present time, [s].
+            cup: Pose (7,) of the cup.
+            touching: Links that touch it.
+        """
+        if touching:
+            self._toucher = min(touching)
+        low = self.place[2] - FALLEN
+        if upright(cup) and cup[2] > low:
+            return None
+        how = "fell off its board" if upright(cup) else "fell over"
+        cause = f", pushed by {self._toucher}" if self._toucher else ""
+        return Verdict("tipped", f"the cup {how} {time:.1f} s into the approach{cause}")
+
+    def missed(self, cup: FloatArray, touching: set[str], fingers: Sequence[str]) -> Verdict:
+        """Return that the cup was not between both fingers when they had closed; see ``verdict``."""
+        reached = touching.intersection(fingers)
+        had = f"only {min(reached)} touched the cup" if reached else "no finger touched the cup"
+        moved = 1e3 * length(cup[:3] - self.place)
+        return Verdict("missed", f"{had} when the hand had closed; the cup had been moved {moved:.0f} mm")
+
+
+def upright(cup: FloatArray) -> bool:
+    """Return whether a cup of this pose (7,) stands within 20° of the vertical."""
+    x, y = cup[3:5]
+    return bool(1 - 2 * (x * x + y * y) > TIPPED)
 
 
 class Grasping:
@@ -81,12 +132,21 @@ class Grasping:
         self._plan, self._gripper, self._liftable = scenario.grasp, gripper, liftable
         self._lift, self._lifting_since = 0.0, 0.0
         self._from: FloatArray | None = None
-        self._standing = cup[:3]
-        self._toucher = ""
+        self._standing = Standing(cup)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a chain has to wait for the fingers; there is none here."""
+        return False
+
+    @property
+    def load(self) -> float:
+        """Weight that the arm is told of, [N]: none."""
+        return 0.0
 
     def cup_moved(self, offset: FloatArray) -> None:
         """Move the place where the cup should stand by ``offset`` (3,) [m]."""
-        self._standing = self._standing + offset
+        self._standing.moved(offset)
 
     def proceed(self, time: float, distance: float, turn: float = 0.0) -> None:
         """Begin the next phase if it is due; ``distance`` [m] and ``turn`` [rad] are those to the target."""
@@ -132,37 +192,21 @@ class Grasping:
         """
         touching = {contact.link for contact in contacts if contact.thing == "cup"}
         if self.phase == "approach":
-            return self._standing_verdict(time, cup, touching)
+            return self._standing.verdict(time, cup, touching)
         held = touching.issuperset(self._gripper.links)
         elapsed, plan = time - self.began, self._plan
         if self.phase == "close":
-            fallen = self._standing_verdict(time, cup, touching) if not held else None
-            return fallen or (
-                self._missed(cup, touching) if elapsed >= plan.close_time and not held else None
-            )
+            if held:
+                return None
+            fallen = self._standing.verdict(time, cup, touching)
+            late = elapsed >= plan.close_time
+            return fallen or (self._standing.missed(cup, touching, self._gripper.links) if late else None)
         if self.phase == "lift":
             if self._lift >= plan.rise:
                 return None
             return Verdict("unreachable", f"the arm can lift the cup by {1e3 * self._lift:.0f} mm only")
-        rise = float(cup[2] - self._standing[2])
+        rise = float(cup[2] - self._standing.place[2])
         if rise < plan.rise:
             when = "after the lift" if elapsed < FIRST_LOOK else f"{elapsed:.1f} s into the hold"
             return Verdict("dropped", f"the cup was {1e3 * max(rise, 0.0):.0f} mm up {when}")
         return Verdict("grasped", "") if elapsed >= plan.hold_time else None
-
-    def _standing_verdict(self, time: float, cup: FloatArray, touching: set[str]) -> Verdict | None:
-        if touching:
-            self._toucher = min(touching)
-        x, y = cup[3:5]
-        upright, low = 1 - 2 * (x * x + y * y), self._standing[2] - FALLEN
-        if upright > TIPPED and cup[2] > low:
-            return None
-        how = "fell over" if upright <= TIPPED else "fell off its board"
-        cause = f", pushed by {self._toucher}" if self._toucher else ""
-        return Verdict("tipped", f"the cup {how} {time:.1f} s into the approach{cause}")
-
-    def _missed(self, cup: FloatArray, touching: set[str]) -> Verdict:
-        fingers = touching.intersection(self._gripper.links)
-        had = f"only {min(fingers)} touched the cup" if fingers else "no finger touched the cup"
-        moved = 1e3 * length(cup[:3] - self._standing)
-        return Verdict("missed", f"{had} when the hand had closed; the cup had been moved {moved:.0f} mm")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.skill import Skill
 from skillctl.simulation.arm import CONTROL_PERIOD
@@ -15,6 +16,7 @@ from skillctl.simulation.avoid import Avoidance
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.scenario import Scenario
 
+PUSH_MEMORY = 1.0  # [s]: what a push adds up to within about this time counts as a jump
 LONGEST_PLAN = 60.0  # [s]
 PLAN_ARRIVAL = 0.25  # of the tolerance: the plan ends well inside it
 WORKSPACE_RADIUS = 3.0  # [m]: a plan that goes farther diverges
@@ -57,11 +59,41 @@ class Motion:
         self._placement = placement
         self._max_speed, self._max_acceleration = scenario.max_speed, scenario.max_acceleration
         self._max_turn, self._max_turn_acceleration = scenario.max_turn, scenario.max_turn_acceleration
-        self._avoid = avoid
+        self._avoid, self._at_cup = avoid, scenario.stages_at("cup")
         self._ends = placement.to_workspace(np.stack([part.attractor for part in skill.acting_parts]))
         self._moved = np.zeros(self._ends.shape[1])
         self._controller = Controller(self._among_bodies(), period, allow_unproved=True)
         self._speed, self._turning = 0.0, 0.0
+        self._led: FloatArray | None = None  # where commands have led a hand that nobody pushes
+        self._given = np.zeros(len(self._moved))  # the last velocity, as far as the joints allowed
+
+    def follow_cup(self, offset: FloatArray) -> None:
+        """Move the skill with the cup by ``offset`` (3,) [m]; of a chain, the stages that are bound to it."""
+        skill, placement = self._skill, self._placement
+        if not isinstance(skill, ChainedSkill):
+            self.move(offset)
+            return
+        inner = placement.to_state(offset) - placement.to_state(np.zeros(3))
+        for stage in self._at_cup:
+            self._ends[list(skill.stages[stage]), :3] += offset
+            skill = skill.with_stage(stage, skill.parts[stage].translated(inner))
+        self._skill = skill
+        self._controller.follow(self._among_bodies())
+
+    def take_again(self) -> None:
+        """Begin the first stage of a chain that is bound to the cup anew."""
+        self._controller.go(self._at_cup[0])
+        self._led = None
+
+    @property
+    def event(self) -> str | None:
+        """What a chain asks for now, between two stages."""
+        return self._controller.event
+
+    @property
+    def done(self) -> bool:
+        """Whether the last stage of a chain, and its events, are over; of any other skill always."""
+        return not isinstance(self._skill, ChainedSkill) or self._controller.done
 
     def move(self, offset: FloatArray) -> None:
         """Move the skill in the workspace, all its targets with it, by ``offset`` (3,) [m].
@@ -96,8 +128,13 @@ class Motion:
         """Return the distance of a place to the nearest end of any part, [m]."""
         return min(self.gap(end, place)[0] for end in self._ends)
 
-    def velocity(self, place: FloatArray) -> FloatArray:
-        """Return the hand's velocity at a perceived place, [m/s] and [rad/s]."""
+    def velocity(self, place: FloatArray, *, busy: bool = False) -> FloatArray:
+        """Return the hand's velocity at a perceived place, [m/s] and [rad/s].
+
+        Args:
+            place: Perceived place of the hand.
+            busy: Whether what a chain asked for between two stages is still being done.
+        """
         distance, angle = self.gap(self.target(place), place)
         limit = min(
             self._max_speed,
@@ -113,8 +150,10 @@ class Motion:
             )
             max_turn = max(fastest, SLOWEST)
         place = place - self._moved
+        self._notice_push(place)
         inner = self._controller.step(
             self._placement.to_state(place),
+            busy=busy,
             max_speed=max(limit / self._placement.scale, SLOWEST),
             max_turn=max_turn,
         )
@@ -123,12 +162,32 @@ class Motion:
         if speed > limit:  # only the velocity towards a plane can add to the skill's own
             velocity *= limit / speed
         self._speed = min(speed, limit)
+        self._given = velocity
         return velocity
+
+    def _notice_push(self, place: FloatArray) -> None:
+        """Begin a stage anew, which may choose another part, where a hand that yields was pushed away.
+
+        It moves steadily, so no step of it is a jump to the controller; all of them together are one.
+        """
+        skill, controller = self._skill, self._controller
+        if not isinstance(skill, ChainedSkill):
+            return
+        led = place
+        if self._led is not None:
+            led = self._space.displace_at(self._led, self._period * self._given)
+        gap = self._space.difference_at(place, led)
+        pushed = self._space.speeds(gap)[0] > self._placement.scale * skill.disturbance_distance
+        if pushed and controller.stage is not None and controller.event is None:
+            controller.go(controller.stage)
+            led, gap = place, 0 * gap
+        self._led = self._space.displace_at(led, self._period / PUSH_MEMORY * gap)
 
     def slowed(self, factor: float) -> None:
         """Take into account that only this share of the last velocity was commanded."""
         self._speed *= factor
         self._turning *= factor
+        self._given = factor * self._given
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -178,7 +237,11 @@ def plan_motion(
             break
         places.append(place)
         moved, turned = motion.gap(motion.target(place), place)
-        if moved < PLAN_ARRIVAL * scenario.tolerance and turned < PLAN_ARRIVAL * scenario.turn_tolerance:
+        if (
+            motion.done
+            and moved < PLAN_ARRIVAL * scenario.tolerance
+            and turned < PLAN_ARRIVAL * scenario.turn_tolerance
+        ):
             arrived = True
             break
     return Plan(np.stack(places), motion.target(place), arrived)

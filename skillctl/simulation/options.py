@@ -13,7 +13,10 @@ Board: TypeAlias = Literal["top", "bottom"]
 Control: TypeAlias = Literal["position", "torque"]
 HandPolicy: TypeAlias = Literal["horizontal", "down", "free", "taught"]
 
+Name: TypeAlias = Literal["cup", "place", "home"]
+
 BOARDS: tuple[Board, ...] = get_args(Board)
+NAMES: tuple[Name, ...] = get_args(Name)  # of things in a scene that stages of a chain go to
 
 PLACING = "The arm, and where the skill is"
 SCENE = "Scene and cup"
@@ -32,6 +35,15 @@ def read_target(text: str) -> tuple[float, ...] | str:
     return text if text == "cup" else read_point(text)
 
 
+def read_bound(text: str) -> tuple[str, Any]:
+    """Read ``STAGE=NAME`` or ``STAGE=X,Y,Z``, or raise ValueError."""
+    stage, sign, what = text.partition("=")
+    if not (sign and stage.strip().isdigit()):
+        raise ValueError(f"{text!r} is not STAGE=NAME, as in 1=cup.")
+    name = what.strip()
+    return stage.strip(), name if name in NAMES else read_point(name)
+
+
 def read_held(text: str) -> tuple[str, float]:
     """Read ``JOINT=Q``, or raise ValueError."""
     joint, sign, place = text.rpartition("=")
@@ -41,7 +53,7 @@ def read_held(text: str) -> tuple[str, float]:
     return joint.strip(), number
 
 
-def read_cup(text: str) -> dict[str, Any]:
+def read_standing(text: str) -> dict[str, Any]:
     """Read ``0.62,0.1``, or ``0.62,0.1,bottom``; or raise ValueError."""
     place, comma, last = text.rpartition(",")
     board = {"board": last.strip()} if comma and last.strip() in BOARDS else {}
@@ -61,6 +73,12 @@ def read_jump(text: str) -> dict[str, Any]:
     """Read ``T,DX,DY,DZ`` of the target, or raise ValueError."""
     time, *offset = _numbers(text, 4)
     return {"kind": "move-target", "time": time, "offset": offset}
+
+
+def read_knock(text: str) -> dict[str, Any]:
+    """Read ``T,DX,DY,DZ`` of a cup in the hand, or raise ValueError."""
+    time, *offset = _numbers(text, 4)
+    return {"kind": "knock", "time": time, "offset": offset}
 
 
 def read_displacement(text: str) -> dict[str, Any]:
@@ -132,6 +150,15 @@ class ScenarioOptions:
         help="Target of the motion, in the skill's coordinates; cup: the middle of the cup. A pose skill "
         "keeps the orientation of its target with cup and X,Y,Z.",
     )
+    bind: tuple[tuple[str, Any], ...] = option(
+        (),
+        read=read_bound,
+        repeated=True,
+        metavar="STAGE=cup|place|home|X,Y,Z",
+        group=MOTION,
+        help="Target of a stage of a chain, counted from 1: the cup, the place to set it down, the place of "
+        "--start home, or coordinates. May be repeated.",
+    )
     turn: bool = option(
         False, group=MOTION, help="Turn the whole motion of a pose skill with its --target, way and all."
     )
@@ -174,10 +201,16 @@ class ScenarioOptions:
         group=SCENE, help="Furniture in front of the arm. Default: none."
     )
     cup: dict[str, Any] | None = option(
-        read=read_cup,
+        read=read_standing,
         metavar="X,Y[,top|bottom]",
         group=SCENE,
         help="Place of the cup to grasp, and its board.",
+    )
+    place: dict[str, Any] | None = option(
+        read=read_standing,
+        metavar="X,Y[,top|bottom]",
+        group=SCENE,
+        help="Where a chain sets the cup down, and the board there.",
     )
     avoid: bool | None = option(
         name="avoid/--no-avoid",
@@ -195,7 +228,7 @@ class ScenarioOptions:
         repeated=True,
         metavar="T,DUR,FX,FY,FZ",
         group=TROUBLE,
-        help="Push the hand from time T for DUR seconds, N. This and the next two may be repeated.",
+        help="Push the hand from time T for DUR seconds, N. This and the next three may be repeated.",
     )
     move_target: tuple[dict[str, Any], ...] = option(
         (),
@@ -212,6 +245,14 @@ class ScenarioOptions:
         metavar="T,DX,DY,DZ[,RX,RY,RZ]",
         group=TROUBLE,
         help="Displace the hand at time T; of a pose skill also turn it, by a rotation vector, rad.",
+    )
+    knock: tuple[dict[str, Any], ...] = option(
+        (),
+        read=read_knock,
+        repeated=True,
+        metavar="T,DX,DY,DZ",
+        group=TROUBLE,
+        help="Knock the cup out of the hand of a chain, by an offset, T seconds after it was taken.",
     )
     noise: float | None = option(
         metavar="M", group=TROUBLE, help="Standard deviation of the measured position of the hand."
@@ -230,9 +271,8 @@ class ScenarioOptions:
     def given(self) -> dict[str, Any]:
         """Return the fields of ``Scenario`` that are given, as ``scenario_file.overridden`` takes them."""
         values = {each.field: getattr(self, each.field) for each in changed(self)}
-        disturbances = [values.pop(name, ()) for name in ("push", "move_target", "displace")]
+        disturbances = [values.pop(name, ()) for name in ("push", "move_target", "displace", "knock")]
         if values.get("start") == HOME:
             values["start"] = None
-        if "hold" in values:
-            values["hold"] = dict(values["hold"])
+        values |= {name: dict(values[name]) for name in ("hold", "bind") if name in values}
         return {**values, "disturbances": sum(disturbances, ())}

@@ -212,6 +212,8 @@ def _verdict(episode: Episode) -> str:
     match episode.outcome:
         case "reached":
             return f"target reached after {metrics.time_to_target:.1f} s, {missed} off"
+        case "placed":
+            return f"placed {_length(metrics.cup_off)} from its place: {metrics.simulated_time:.1f} s"
         case "grasped":
             return f"grasped, lifted and held: {metrics.simulated_time:.1f} s"
         case "timeout":

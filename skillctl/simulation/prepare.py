@@ -10,6 +10,7 @@ import numpy as np
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.coordinates.bodies import Body
 from skillctl.model.retarget import retargeted
 from skillctl.model.skill import Skill
@@ -17,16 +18,17 @@ from skillctl.simulation.arm import COMMANDED_SHARE, CONTROL_PERIOD, ArmBody
 from skillctl.simulation.arms import ArmModel
 from skillctl.simulation.avoid import Avoidance, avoidance
 from skillctl.simulation.bullet import silenced
+from skillctl.simulation.disturbances import Displace, Knock
 from skillctl.simulation.episode import RefusedError, Setup
 from skillctl.simulation.grasp import require_gripper
 from skillctl.simulation.ik import POSE_POSITION, Kinematics, Solution
 from skillctl.simulation.joint_space import joint_setup, moves_joints
 from skillctl.simulation.motion import Plan, plan_motion
 from skillctl.simulation.obstacles import require_meshes
-from skillctl.simulation.options import HandPolicy
+from skillctl.simulation.options import HandPolicy, Name
 from skillctl.simulation.placement import Placement, placements
-from skillctl.simulation.scenario import Displace, Scenario
-from skillctl.simulation.scene import board_height, cup_middle
+from skillctl.simulation.scenario import Scenario, Shelf, Table
+from skillctl.simulation.scene import board_height, cup_middle, set_down_at
 from skillctl.simulation.urdf import find_arm
 
 UPRIGHT_HANDS: tuple[HandPolicy, ...] = ("horizontal", "down", "free")
@@ -54,6 +56,7 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
     require_gripper(model, scenario)
     _require_start(skill, scenario)
     _require_hand(skill, scenario)
+    _require_bound(skill, scenario)
     if isinstance(scenario.target, tuple):
         skill = retargeted(skill, scenario.target, turn=scenario.turn)
     elif scenario.turn:
@@ -69,6 +72,7 @@ def prepare(skill: Skill, scenario: Scenario) -> Setup:
         with ArmBody(model, base_yaw, shapes="none") as body:
             for hand in _hands(skill, placement, scenario):
                 kinematics = Kinematics(body, hand, base_yaw)
+                moved = bound(moved, placement, kinematics, scenario)
                 try:
                     avoid = avoidance(scenario, placement, kinematics)
                     joints, plan = _start_and_plan(moved, placement, kinematics, scenario, avoid)
@@ -161,6 +165,54 @@ def _require_hand(skill: Skill, scenario: Scenario) -> None:
         raise UsageError("displace: only a skill that was taught orientations can have its hand turned.")
 
 
+def _require_bound(skill: Skill, scenario: Scenario) -> None:
+    if not isinstance(skill, ChainedSkill):
+        for name in ("bind", "place"):
+            if getattr(scenario, name):
+                raise UsageError(
+                    f"{name}: only a chain has stages, and sets a cup down.", hint="Use --target."
+                )
+        if any(isinstance(event, Knock) for event in scenario.disturbances):
+            raise UsageError("knock: only a chain carries a cup that can be knocked out of its hand.")
+        return
+    if scenario.target is not None:
+        raise UsageError("target: a chain has one for each stage.", hint="Bind stages: --bind 1=cup.")
+    kinds = {event.kind for event in scenario.disturbances}
+    if "move-target" in kinds and not scenario.stages_at("cup"):
+        raise UsageError("move-target: no stage of the chain is bound to the cup.", hint="As in 1=cup.")
+    for stage in scenario.bind:
+        if not (stage.isdigit() and 1 <= int(stage) <= len(skill.parts)):
+            raise UsageError(f"bind: this chain has stages 1 to {len(skill.parts)}, and no {stage!r}.")
+
+
+def bound(skill: Skill, placement: Placement, kinematics: Kinematics, scenario: Scenario) -> Skill:
+    """Return a chain whose stages end where the scenario binds them; any other skill as it is."""
+    if not isinstance(skill, ChainedSkill):
+        return skill
+    for stage, what in scenario.bind.items():
+        index = int(stage) - 1
+        goal = what if isinstance(what, tuple) else placement.to_state(_named(what, kinematics, scenario))
+        skill = skill.with_stage(index, retargeted(skill.parts[index], goal))
+    return skill
+
+
+def _named(name: Name, kinematics: Kinematics, scenario: Scenario) -> FloatArray:
+    """Return where the hand is to be for a thing of a name, (3,), [m]; the ready posture has no furniture."""
+    if name == "cup":
+        return cup_middle(scenario)
+    if name == "place":
+        above = 0.0 if scenario.place is None else scenario.place.above
+        x, y, height = set_down_at(scenario)
+        return np.array([x, y, height + above])
+    if scenario.scene is None:
+        return kinematics.forward(kinematics.home)[:3]
+    return _before(scenario.scene)
+
+
+def _before(scene: Shelf | Table) -> FloatArray:
+    return np.array([scene.x_range[0] - START_BEFORE, 0.0, board_height(scene, "bottom") + START_ABOVE])
+
+
 def _turns(skill: Skill) -> bool:
     """Return whether a skill of hands turns the hand."""
     return skill.space.positions < skill.dimension
@@ -210,8 +262,7 @@ def start_of(placement: Placement, kinematics: Kinematics, scenario: Scenario) -
         return kinematics.at(placement.to_workspace(start))
     if scenario.scene is None:
         return None
-    lowest = board_height(scenario.scene, "bottom")
-    return kinematics.at(np.array([scenario.scene.x_range[0] - START_BEFORE, 0.0, lowest + START_ABOVE]))
+    return kinematics.at(_before(scenario.scene))
 
 
 def _required(name: str, place: FloatArray, solution: Solution, scenario: Scenario) -> FloatArray:

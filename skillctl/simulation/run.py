@@ -4,32 +4,38 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.memory import require
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
-from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, LiveArm
 from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
-from skillctl.simulation.disturbances import Perception, Schedule, last_end
+from skillctl.simulation.disturbances import MoveTarget, Schedule, last_end
 from skillctl.simulation.episode import Episode, Outcome, Phase, RefusedError, Setup, measure
 from skillctl.simulation.grasp import Grasping, Gripper
 from skillctl.simulation.gui import Pace, require_window
-from skillctl.simulation.ik import Kinematics, Solution
+from skillctl.simulation.handling import STANDS, TRIES, Handling
+from skillctl.simulation.ik import ACCEPTED_RESIDUAL, Kinematics, Solution
 from skillctl.simulation.joint_space import JointArm, joint_limits, joint_metrics
 from skillctl.simulation.judge import Judge, Verdict, apart
 from skillctl.simulation.motion import Motion
 from skillctl.simulation.options import Control
+from skillctl.simulation.perception import Perception
 from skillctl.simulation.position import PositionArm
 from skillctl.simulation.prepare import prepare
 from skillctl.simulation.recording import Recorder
-from skillctl.simulation.scenario import MoveTarget, Scenario
+from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the duration that the joints allow; [s]
+ROW = 4000.0  # [bytes] of the record, a control period; 3300 with an arm of seven joints and a cup
 PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
 DISPLACED_STEP, TURNED_STEP = 0.01, 0.05  # [m], [rad], in which inverse kinematics follows a displaced hand
@@ -62,6 +68,7 @@ def simulate(
         NotFoundError: PyBullet is not installed, or no window can be opened.
         UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
         RefusedError: The hand cannot be at the start or target, or touches the scene there.
+        ResourceError: The record of so long an episode would take more memory than may be used.
     """
     began = time.perf_counter()
     if gui:
@@ -80,6 +87,16 @@ def simulate(
     if isinstance(run.arm, JointArm):
         metrics = joint_metrics(
             metrics, series, run.motion.target(run.arm.place_now), run.arm.gaps, scenario.tolerance
+        )
+    if isinstance(handled := run.grasping, Handling):
+        off = float(np.linalg.norm(handled.off_place[:2]))
+        metrics = replace(
+            metrics,
+            time_to_target=handled.let_go,
+            cup_off=off,
+            cup_lost=handled.lost,
+            cup_stood=handled.stood,
+            cup_tries=handled.closed,
         )
     return Episode(
         scenario=scenario,
@@ -117,9 +134,15 @@ class _Run:
         self.seen_off = np.zeros_like(self.arm.place_now)  # from the true target to the perceived one
         self._look()
         self.judge = Judge(setup.joint_plan or setup.plan, scenario, self.arm.period, setup.unit)
-        self.grasping = None
+        self.grasping: Grasping | Handling | None = None
         if scenario.cup is not None:
-            self.grasping = Grasping(scenario, Gripper(body), self.scene.cup_pose(), self._liftable)
+            gripper, cup = Gripper(body), self.scene.cup_pose()
+            if isinstance(setup.skill, ChainedSkill):
+                self.grasping = Handling(scenario, gripper, self.motion, cup, self._in_reach)
+            else:
+                self.grasping = Grasping(scenario, gripper, cup, self._liftable)
+        if isinstance(self.arm, TorqueArm):
+            self.arm.posture_follows = scenario.posture == "follow"
         self.recorder = Recorder(self.arm, self.scene)
 
     @property
@@ -138,6 +161,8 @@ class _Run:
         """Let time pass until the episode is over, and return how it ended."""
         self._require_free_start()
         period, horizon = self.arm.period, self._horizon()
+        rows = horizon / CONTROL_PERIOD
+        require(ROW * rows, f"an episode of up to {horizon:.0f} s", "Choose a shorter --max-duration.")
         every = round(PROGRESS_TIME / period)
         for step in range(math.ceil(horizon / period) + 1):
             now = step * period
@@ -163,7 +188,8 @@ class _Run:
         lifting = self.grasping.velocity(now, self.arm.tracking.reference[:3]) if self.grasping else None
         by_skill = lifting is None
         if lifting is None:
-            velocity = self.motion.velocity(self.perception.hand(place))
+            busy = self.grasping.busy if self.grasping else False
+            velocity = self.motion.velocity(self.perception.hand(place), busy=busy)
         else:
             velocity = np.concatenate([lifting, np.zeros(len(place) - 3)])  # the hand does not turn
         target = self._true_target(place)
@@ -178,6 +204,7 @@ class _Run:
             self.motion.slowed(share)
         if self.grasping:
             self.grasping.proceed(now, *self.motion.gap(place, self.motion.target(place)))
+            self.arm.load = self.grasping.load
         return None
 
     def _verdict(
@@ -191,7 +218,9 @@ class _Run:
                 return Verdict(outcome, f"{contact.link} touched the {contact.thing} {when}")
         failure = self.judge.failure(self.motion, place, velocity, self.arm.tracking)
         if failure is not None or not self.grasping:
-            return failure or self.judge.settled(self.motion, place, self.seen_off)
+            return failure or (
+                self.judge.settled(self.motion, place, self.seen_off) if self.motion.done else None
+            )
         return self.grasping.verdict(now, self.scene.cup_pose(), contacts)
 
     def _disturbed(self, now: float) -> Verdict | None:
@@ -203,13 +232,17 @@ class _Run:
                 self.scene.move_cup(offset[:3])
                 if self.grasping:
                     self.grasping.cup_moved(offset[:3])
-                self.motion.move(offset[:3])
+                self.motion.follow_cup(offset[:3])
                 self._look()
                 continue
             offset[3:] = event.turn[: len(offset) - 3]
             if not self._displaced(offset):
                 where = "({:.2f}, {:.2f}, {:.2f}) m".format(*(self.arm.state.hand + offset[:3]))
                 return Verdict("unreachable", f"no joints put the displaced hand at {where}")
+        if isinstance(self.grasping, Handling) and (carried := self.grasping.carried(now)) is not None:
+            knocked = self.schedule.knocked(carried)
+            if knocked is not None:
+                self.scene.move_cup(knocked)
         return None
 
     def _displaced(self, offset: FloatArray) -> bool:
@@ -217,8 +250,7 @@ class _Run:
         state, place = self.arm.state, self.arm.place_now
         moved, turned = self.kinematics.space.speeds(offset)
         steps = math.ceil(max(moved / DISPLACED_STEP, turned / TURNED_STEP))
-        shares = np.linspace(0.0, 1.0, steps + 1)[1:]
-        way = [self.kinematics.space.displace(place, share * offset) for share in shares]
+        way = (self.kinematics.space.displace(place, step / steps * offset) for step in range(1, steps + 1))
         standing = Solution(state.joints, 0.0, accepted=True)  # in case the hand does not move
         *_, last = standing, *self.kinematics.along(way, state.joints)
         if last.accepted:
@@ -231,9 +263,14 @@ class _Run:
         up = np.zeros_like(place)
         up[2] = lift
         steps = math.ceil(lift / LIFTED_STEP)
-        way = [place + up * step / steps for step in range(1, steps + 1)]
+        way = (place + up * step / steps for step in range(1, steps + 1))
         reached = sum(solution.accepted for solution in self.kinematics.along(way, self.arm.state.joints))
         return lift if reached == steps else lift * reached / steps
+
+    def _in_reach(self, cup: FloatArray) -> bool:
+        """Return whether a cup of this pose (7,) stands on a board, where the hand can be at its middle."""
+        found = self.kinematics.search(self.kinematics.at(cup[:3]))
+        return self.scene.stands(cup) and found.residual < ACCEPTED_RESIDUAL
 
     def _require_free_start(self) -> None:
         contacts = self.scene.contacts_now()
@@ -252,6 +289,8 @@ class _Run:
         end = last_end(scenario.disturbances)
         grasp = scenario.grasp
         after = grasp.close_time + grasp.lift_time + grasp.hold_time if scenario.cup else 0.0
+        if isinstance(self.grasping, Handling):
+            after = grasp.close_time + grasp.open_time + STANDS + TRIES * HORIZON_FACTOR * self.setup.duration
         if not plan.arrived:
             return plan.duration + end + after
         return HORIZON_FACTOR * self.setup.duration + HORIZON_SLACK + end + after

@@ -5,7 +5,7 @@ rules check it in all three cases. Its TOML form has the same names:
 
     arm = "panda"
     start = [0.40, 0.0, 0.55]
-    target = "cup"               # or three numbers; left out: the skill's own attractor
+    target = "cup"               # or three numbers; left out: the skill's own attractor; of chains see bind
     noise = 0.003
 
     [scene]
@@ -21,8 +21,8 @@ rules check it in all three cases. Its TOML form has the same names:
     offset = [0.0, 0.08, 0.0]
 
 A key that is left out has the default given here. Lengths are in metres, times in seconds, angles in radians.
-Positions are in the workspace frame, whose origin is the arm's base, except ``start`` and ``target``, which
-are in the skill's own coordinates.
+No time is longer than ten minutes, and no other number larger than a million. Positions are in the workspace
+frame, whose origin is the arm's base, but ``start`` and ``target`` are in the skill's own coordinates.
 """
 
 from __future__ import annotations
@@ -33,9 +33,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from skillctl.errors import UsageError
 from skillctl.simulation.arms import ARMS
-from skillctl.simulation.options import Board, Control, HandPolicy, Plane
+from skillctl.simulation.disturbances import Displace, Disturbance, Knock, MoveTarget, Push
+from skillctl.simulation.options import Board, Control, HandPolicy, Name, Plane
+from skillctl.simulation.taking import DEFAULT_PLACE, Destination, Grasp
 from skillctl.simulation.values import (
     Count,
+    Duration,
     Flag,
     NotNegative,
     Number,
@@ -49,8 +52,6 @@ from skillctl.simulation.values import (
     Vector,
 )
 from skillctl.toml_files import complaint
-
-DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
 
 class Shelf(Part):
@@ -164,66 +165,6 @@ class Cup(Part):
         return DEFAULT_PLACE if self.position is None else self.position
 
 
-class Grasp(Part):
-    """The motion of the hand when it has reached the cup.
-
-    Attributes:
-        distance, turn: Distance to the target [m], of a pose skill angle [rad], at which fingers close.
-        force: Force of each finger, [N].
-        speed: Speed of each finger, [m/s].
-        close_time: Time from then to the lift, [s].
-        lift: Height of the lift, [m], with minimum jerk; less if the arm does not reach so far, but not less
-            than ``rise``.
-        lift_time, hold_time: Duration of the lift, and of the hold after it, [s].
-        rise: Smallest height of the cup above its start during the hold, [m].
-    """
-
-    distance: Positive = 0.006
-    turn: Positive = 0.1
-    force: Positive = 20.0
-    speed: Positive = 0.1
-    close_time: Positive = 0.8
-    lift: Positive = 0.10
-    lift_time: Positive = 1.2
-    hold_time: Positive = 1.0
-    rise: Positive = 0.05
-
-    @model_validator(mode="after")
-    def _lifts_enough(self) -> Grasp:
-        if self.lift < self.rise:
-            raise ValueError("lift: must not be less than rise.")
-        return self
-
-
-class Push(Part):
-    """A force on the hand, [N]. Position motors hold against some 100 N; torque control yields."""
-
-    kind: Literal["push"] = "push"
-    time: NotNegative
-    duration: Positive
-    force: Point
-
-
-class MoveTarget(Part):
-    """A jump of the target, and of the cup if there is one, by ``offset`` [m]."""
-
-    kind: Literal["move-target"] = "move-target"
-    time: NotNegative
-    offset: Point
-
-
-class Displace(Part):
-    """A jump of the hand by ``offset`` [m]; a hand that is taught turns by the vector ``turn`` [rad], too."""
-
-    kind: Literal["displace"] = "displace"
-    time: NotNegative
-    offset: Point
-    turn: Point = (0.0, 0.0, 0.0)
-
-
-Disturbance: TypeAlias = Annotated[Push | MoveTarget | Displace, Field(discriminator="kind")]
-
-
 class Sampling(Part):
     """Ranges from which the episodes of a batch are drawn uniformly. None: the scenario's own value.
 
@@ -233,6 +174,8 @@ class Sampling(Part):
     Attributes:
         cup_x_range, cup_y_range: Ranges of the cup's place, [m].
         boards: Boards of a shelf, with equal probability.
+        place_x_range, place_y_range: Ranges of the place where a chain sets the cup down, [m].
+        knock_time_range: Range of the time of a knock, which all of them get, [s].
         start_x_range, start_y_range, start_z_range: Ranges of the hand's start, [m]; all three or none.
         start_scatter: Instead of these: standard deviation, [m], of a normal distribution around the start
             of one of the skill's demonstrations, which is drawn, too.
@@ -251,6 +194,9 @@ class Sampling(Part):
     friction_range: PositiveRange | None = None
     radius_range: PositiveRange | None = None
     bottles: Count | None = None
+    place_x_range: Range | None = None
+    place_y_range: Range | None = None
+    knock_time_range: Range | None = None
 
     @model_validator(mode="after")
     def _starts_are_whole(self) -> Sampling:
@@ -275,6 +221,8 @@ class Scenario(Part):
             10 cm before its front edge, 13 cm above the lowest board.
         target: New place of the skill's attractor, in its own coordinates, or ``cup``: the middle of the cup
             as it is perceived. None: not moved.
+        bind: Targets of stages of a chain, counted from 1: ``cup``; ``place``; ``home``, which is the default
+            start; or coordinates of the skill. A stage that is not named keeps its own.
         turn: Whether the whole motion of a pose skill turns with its target.
         plane: Workspace plane of a 2-D skill. None: by its coordinate names.
         scale: Workspace metres per metre of the skill. None: 1; a 2-D skill much smaller or larger than
@@ -286,6 +234,8 @@ class Scenario(Part):
         base_yaw: Turn of the arm's base about the vertical, [rad]. None: 0 in a scene, else the multiple of
             a quarter turn that faces the target.
         control: ``position``: motors that hold against pushes; ``torque``: a compliant hand.
+        posture: What a compliant arm draws its joints to, as far as that does not move the hand: the ready
+            posture, or (``follow``) that of a stiff arm where the hand is, which keeps off joint limits.
         max_speed, max_acceleration: Limits of the hand, [m/s] and [m/s²].
         max_turn, max_turn_acceleration: Those of turning, of a pose skill, [rad/s] and [rad/s²].
         tolerance: Distance to the true target that counts as reached, [m]; of joints, [rad].
@@ -300,6 +250,7 @@ class Scenario(Part):
         scene: The furniture in front of the arm. None: nothing.
         obstacles: Other things that the arm must not touch, with or without furniture.
         cup: The cup, which the hand grasps and lifts at its target. None: none, unless the target is the cup.
+        place: Where a chain sets it down. None: nowhere, unless a stage is bound to it.
         grasp: How the hand grasps and lifts.
         avoid: Whether the hand keeps out of scene and obstacles, as far as the target allows (see ``avoid``).
             None: if the skill is in three dimensions at its own scale.
@@ -316,6 +267,7 @@ class Scenario(Part):
     package: tuple[Annotated[str, Field(strict=True)], ...] = Field(default=(), exclude=True)
     start: Vector | None = None
     target: Literal["cup"] | Vector | None = None
+    bind: dict[str, Name | Vector] = Field(default_factory=dict)
     turn: Flag = False
     plane: Plane | None = None
     scale: Positive | None = None
@@ -323,14 +275,15 @@ class Scenario(Part):
     hand: HandPolicy | None = None
     base_yaw: Number | None = None
     control: Control = "position"
+    posture: Literal["ready", "follow"] = "ready"
     max_speed: Positive = 0.3
     max_acceleration: Positive = 1.5
     max_turn: Positive = 1.5
     max_turn_acceleration: Positive = 7.5
     tolerance: Positive = 2e-3
     turn_tolerance: Positive = 0.0349  # two degrees
-    settle_time: Positive = 0.5
-    max_duration: Positive | None = None
+    settle_time: Duration = 0.5
+    max_duration: Duration | None = None
     noise: NotNegative = 0.0
     target_error: NotNegative = 0.0
     seed: Seed = 0
@@ -338,6 +291,7 @@ class Scenario(Part):
     scene: Scene | None = None
     obstacles: tuple[Obstacle, ...] = ()
     cup: Cup | None = None
+    place: Destination | None = None
     grasp: Grasp = Grasp()
     avoid: Flag | None = None
     adapt: Flag = False
@@ -360,9 +314,12 @@ class Scenario(Part):
     @model_validator(mode="before")
     @classmethod
     def _target_brings_the_cup(cls, values: Any) -> Any:
-        if isinstance(values, dict) and values.get("target") == "cup" and values.get("cup") is None:
-            return {**values, "cup": Cup()}
-        return values
+        if not isinstance(values, dict):
+            return values
+        bound = [values.get("target"), *dict(values.get("bind") or {}).values()]
+        missing = [name for name in ("cup", "place") if name in bound and values.get(name) is None]
+        defaults = {"cup": Cup(), "place": Destination()}
+        return {**values, **{name: defaults[name] for name in missing}}
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scenario:
@@ -370,11 +327,15 @@ class Scenario(Part):
             raise ValueError(f"arm: one of {', '.join(ARMS)}, or a file.urdf; not {self.arm!r}.")
         if self.cup is not None and self.scene is None:
             raise ValueError("cup: it needs something to stand on, as in --scene shelf or --scene table.")
-        if self.cup is not None and self.scene is not None:
-            (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, self.cup.place
+        if self.place is not None and self.cup is None:
+            raise ValueError("place: there is no cup to set down there; bind a stage to it, as in 1=cup.")
+        for name, standing in (("cup", self.cup), ("place", self.place)):
+            if standing is None or self.scene is None:
+                continue
+            (front, back), half, (x, y) = self.scene.x_range, 0.5 * self.scene.width, standing.place
             if not (front < x < back and -half < y < half):
                 raise ValueError(
-                    f"cup.position: ({x:g}, {y:g}) is not on a board; those lie at x from {front:g} to "
+                    f"{name}.position: ({x:g}, {y:g}) is not on a board; those lie at x from {front:g} to "
                     f"{back:g} and y from {-half:g} to {half:g}."
                 )
         return self
@@ -388,6 +349,10 @@ class Scenario(Part):
     def grasping(self) -> bool:
         """Whether the hand grasps and lifts a cup at its target."""
         return self.cup is not None
+
+    def stages_at(self, name: Name) -> tuple[int, ...]:
+        """Return the stages of a chain, from 0, that are bound to a thing of this name."""
+        return tuple(sorted(int(stage) - 1 for stage, bound in self.bind.items() if bound == name))
 
     def changed(self, **values: Any) -> Scenario:
         """Return this scenario with some values changed, and checked.
@@ -406,10 +371,12 @@ PARTS = (
     CylinderObstacle,
     MeshObstacle,
     Cup,
+    Destination,
     Grasp,
     Push,
     MoveTarget,
     Displace,
+    Knock,
     Sampling,
 )
 KEYS = frozenset(name for part in PARTS for name in part.model_fields)

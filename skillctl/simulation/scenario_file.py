@@ -48,8 +48,8 @@ def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
     Args:
         scenario: The scenario to change.
         given: Fields of ``Scenario`` and their values. A ``scene`` is given by its kind, or ``none``, and
-            keeps its measures if it is of that kind already; a ``cup`` keeps what is not given;
-            ``disturbances`` are added to those of the scenario.
+            keeps its measures if it is of that kind already; ``cup``, ``place`` and ``bind`` keep what is not
+            given; ``disturbances`` are added to those of the scenario.
 
     Raises:
         UsageError: The result is not a valid scenario.
@@ -57,14 +57,17 @@ def overridden(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
     changes = dict(given)
     kind = changes.pop("scene", None)
     if kind == "none":
-        changes = {"scene": None, "cup": None, **changes}
+        changes = {"scene": None, "cup": None, "place": None, **changes}
         if scenario.target == "cup":
             changes = {"target": None, **changes}
     elif kind is not None and (scenario.scene is None or scenario.scene.kind != kind):
         changes["scene"] = {"kind": kind}
-    if changes.get("cup") is not None:
-        standing = {} if scenario.cup is None else scenario.cup.model_dump()
-        changes["cup"] = {**standing, **changes["cup"]}
+    for name in ("cup", "place"):
+        if changes.get(name) is not None:
+            before = getattr(scenario, name)
+            changes[name] = {**({} if before is None else before.model_dump()), **changes[name]}
+    if "bind" in changes:
+        changes["bind"] = {**scenario.bind, **changes["bind"]}
     changes["disturbances"] = (*scenario.disturbances, *changes.get("disturbances", ()))
     return scenario.changed(**changes)
 

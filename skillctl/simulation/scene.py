@@ -9,12 +9,13 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.obstacles import add_obstacle, mass_of
-from skillctl.simulation.options import Board
+from skillctl.simulation.options import BOARDS, Board
 from skillctl.simulation.scenario import Cup, Scenario, Shelf, Table
 
 PANEL_GAP = 0.01  # [m] between a shelf's boards and the panel behind them
 SHELF_ROOM = 0.35  # [m], from the upper board to the top of panel and walls
 CONTACT_FORCE, CONTACT_DEPTH = 1e-3, 5e-4  # [N], [m]: more than either is a contact
+FOOT = 5e-3  # [m]: a cup's foot this near to a board's surface is on it
 CLEARANCE_RANGE = 0.2  # [m]: distances beyond are not measured
 NO_CUP = np.full(7, np.nan)
 
@@ -71,6 +72,18 @@ def cup_middle(scenario: Scenario) -> FloatArray:
     return np.array([*scenario.cup.place, height])
 
 
+def set_down_at(scenario: Scenario) -> FloatArray:
+    """Return the middle of the cup where a chain shall set it down. Shape (3,), [m].
+
+    Raises:
+        ValueError: There is no such place.
+    """
+    if scenario.cup is None or scenario.place is None or scenario.scene is None:
+        raise ValueError("this scenario has no place to set a cup down")
+    height = board_height(scenario.scene, scenario.place.board) + 0.5 * scenario.cup.height
+    return np.array([*scenario.place.place, height])
+
+
 @dataclass(frozen=True, slots=True)
 class Contact:
     """A link of the arm touches a part of the scene, or the cup; ``loose``: an obstacle that can be moved."""
@@ -85,7 +98,7 @@ class SceneBodies:
 
     def __init__(self, arm: ArmBody, scenario: Scenario) -> None:
         """Args: the arm, in its world; the scenario."""
-        self._arm = arm
+        self._arm, self._scenario = arm, scenario
         self._names = {self._add_box(box): box.name for box in boxes(scenario.scene)}
         standing = {add_obstacle(arm.bullet, obstacle): obstacle for obstacle in scenario.obstacles}
         self._names |= {body: obstacle.name for body, obstacle in standing.items()}
@@ -101,6 +114,14 @@ class SceneBodies:
             return NO_CUP
         position, orientation = self._arm.bullet.getBasePositionAndOrientation(self.cup)
         return np.array([*position, *orientation])
+
+    def stands(self, cup: FloatArray) -> bool:
+        """Return whether the foot of an upright cup of this pose (7,) is on a board."""
+        scene, own = self._scenario.scene, self._scenario.cup
+        if scene is None or own is None:
+            return False
+        foot = float(cup[2]) - 0.5 * own.height
+        return any(abs(foot - board_height(scene, board)) < FOOT for board in BOARDS)
 
     def move_cup(self, offset: FloatArray) -> None:
         """Move the cup by ``offset`` (3,) [m], upright and at rest; without a cup do nothing."""

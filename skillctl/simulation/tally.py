@@ -7,7 +7,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from statistics import NormalDist
 
 import numpy as np
@@ -48,6 +48,32 @@ def failures(rows: Sequence[Row]) -> dict[BatchOutcome, int]:
     """Return the number of failed episodes by class, without zeros, in the order of ``BATCH_OUTCOMES``."""
     counts = Counter(row.outcome for row in rows)
     return {kind: counts[kind] for kind in BATCH_OUTCOMES if counts[kind] and kind not in SUCCESSES}
+
+
+@dataclass(frozen=True)
+class LostCups:
+    """Episodes in which a chain lost the cup.
+
+    Attributes:
+        episodes: How many.
+        stood: In how many of them it then stood in reach, at least once.
+        again: In how many of these the fingers closed again.
+        succeeded: How many of these succeeded.
+    """
+
+    episodes: int
+    stood: int
+    again: int
+    succeeded: int
+
+
+def lost_cups(rows: Sequence[Row]) -> LostCups:
+    """Return what became of the cups that were lost."""
+    lost = [(row.success, row.metrics) for row in rows if row.metrics is not None and row.metrics.cup_lost]
+    stood = [(success, metrics.cup_tries > 1) for success, metrics in lost if metrics.cup_stood]
+    return LostCups(
+        len(lost), len(stood), sum(again for _, again in stood), sum(success for success, _ in stood)
+    )
 
 
 def medians(rows: Sequence[Row]) -> dict[str, float]:

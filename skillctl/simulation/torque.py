@@ -12,6 +12,8 @@ TORQUE_PERIOD = 1e-3  # [s], of the fastest real arm controllers
 DAMPING = 80.0  # [N s/m], of the hand against the velocity that the skill asks for
 ROTATION_STIFFNESS, ROTATION_DAMPING = 60.0, 6.0  # [Nm/rad], [Nm s/rad]
 POSTURE_STIFFNESS, POSTURE_DAMPING = 5.0, 2.0  # [Nm/rad], [Nm s/rad], where it does not move the hand
+FOLLOWING_STIFFNESS, FOLLOWING_DAMPING = 20.0, 4.0  # the same of a posture that follows
+FOLLOWED = 4  # periods between two postures that follow: about 1/240 s, as of stiff arms
 # Of J Jᵀ, tuned by hand: below it J is damped, so that a stretched arm gets finite velocities and its posture
 # pulls it back. With a third of it, an xArm6 that 80 N have folded over stays so; with three times as much,
 # the posture moves a resting hand by some millimetres.
@@ -30,7 +32,11 @@ class TorqueArm(LiveArm):
     mass matrix: with those at its beginning, a wrist as light as an xArm's becomes unstable.
 
     After a push the hand does not return to its earlier path: it follows the skill's path from where it is.
-    There is no integral term either, so a load shifts the place where the hand comes to rest.
+    There is no integral term either, so a load that the arm is not told of (``load``) shifts the place where
+    the hand comes to rest.
+
+    Attributes:
+        posture_follows: Whether q₀ is the posture that a stiff arm would have where the hand is, instead.
 
     References:
         Kronander and Billard, Passive interaction control with dynamical systems, IEEE Robotics and
@@ -39,12 +45,14 @@ class TorqueArm(LiveArm):
     """
 
     period = TORQUE_PERIOD
+    posture_follows: bool
 
     def __init__(self, body: ArmBody, joints: FloatArray, kinematics: Kinematics) -> None:
         """Args: body, which nothing else moves; joints at the start, (n,), [rad]; kinematics of a twin."""
         super().__init__(body, joints, kinematics)
         bullet, model = body.bullet, body.model
         self._posture = kinematics.home
+        self.posture_follows, self._steps, self._stiff = False, 0, joints
         self._rows = 3 if kinematics.hand == "free" else 6
         self._damping = np.array([DAMPING] * 3 + [ROTATION_DAMPING] * 3)[: self._rows]
         turns = 0.0 if kinematics.hand == "taught" else ROTATION_STIFFNESS
@@ -69,6 +77,10 @@ class TorqueArm(LiveArm):
     def drive(self, velocity: FloatArray, push: FloatArray | None = None) -> float:
         """Let one period pass: see ``LiveArm``."""
         state = self.state
+        held, slowed = POSTURE_STIFFNESS, POSTURE_DAMPING
+        if self.posture_follows:
+            held, slowed = FOLLOWING_STIFFNESS, FOLLOWING_DAMPING
+            self._follow()
         self._places[self._columns] = state.joints
         jacobian = self.body.jacobian(self._places)[: self._rows]
         asked = np.zeros(self._rows)
@@ -82,11 +94,18 @@ class TorqueArm(LiveArm):
         if self._stiffness.any():
             wrench[3:] = ROTATION_STIFFNESS * self._turn_wanted()
         free = np.eye(len(inverse)) - inverse @ jacobian
-        spring = jacobian.T @ wrench + free @ (POSTURE_STIFFNESS * (self._posture - state.joints))
-        stiffness = (jacobian.T * self._stiffness) @ jacobian + POSTURE_STIFFNESS * free
-        damping = (jacobian.T * self._damping) @ jacobian + POSTURE_DAMPING * free
-        self._apply(self._implicit(spring, stiffness, damping), push)
+        spring = jacobian.T @ wrench + free @ (held * (self._posture - state.joints))
+        stiffness = (jacobian.T * self._stiffness) @ jacobian + held * free
+        damping = (jacobian.T * self._damping) @ jacobian + slowed * free
+        carrying = self.load * jacobian[2]  # as gravity, not a part of what is predicted
+        self._apply(self._implicit(spring, stiffness, damping) + carrying, push)
         return share
+
+    def _follow(self) -> None:
+        """Take as posture the joints that a stiff arm would have here, every few periods."""
+        if self._steps % FOLLOWED == 0:
+            self._stiff = self._posture = self.kinematics.follow(self.place_now, self._stiff).joints
+        self._steps += 1
 
     def _implicit(self, spring: FloatArray, stiffness: FloatArray, damping: FloatArray) -> FloatArray:
         """Return the torques (n,) of springs and dampers as they will be at the end of the period.

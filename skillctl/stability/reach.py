@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from skillctl.arrays import FloatArray
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.coordinates.enclosure import GUARD
 from skillctl.model.pose import Pose
 from skillctl.model.rollout import arrival_distance_of
@@ -21,6 +22,7 @@ from skillctl.stability.parts import proved_rate
 from skillctl.stability.region import selectable_parts
 from skillctl.stability.report import Certificate, Motions, at_least, at_most
 from skillctl.stability.sampling import follow_box
+from skillctl.stability.stages import Starts, begun_stages, follow_stages
 from skillctl.stability.sublevels import MOST_COORDINATES, sublevels_of
 
 
@@ -34,7 +36,7 @@ class PartReach:
         low: No motion goes below this, one number for each coordinate, in the unit of the space.
         high: No motion goes above this.
         arrival: By then every motion is within the arrival distance of the attractor, and stays there, [s];
-            None if there is no bound.
+            None if there is no bound. Of a part of a chain, from when it begins, if no other follows.
     """
 
     part: int
@@ -96,7 +98,8 @@ def bound_reach(
     coordinates c is reached at a vertex, since V is convex, and {V ≤ c} reaches ξᵢ* ± √(c (P⁻¹)ᵢᵢ): exact
     arithmetic. In others, interval arithmetic encloses c and c⁻¹({yᵀPy ≤ c}). The result is a box, hence
     convex: the straight way between two samples stays in it, too. Of poses V is that of the position, which
-    falls by itself; by the arrival the orientation, from at most half a turn, is near enough as well.
+    falls by itself; by the arrival the orientation, from at most half a turn, is near enough as well. Of a
+    chain the stages follow each other, each from where the one before is over; events count as in a `Course`.
 
     What it does not show: where the hand goes after a disturbance, or how far the rest of the arm reaches.
 
@@ -124,9 +127,14 @@ def bound_reach(
     if certificate.scope != "global" or certificate.period is None or period > certificate.period:
         return None
     near = arrival_distance_of(skill)
-    chosen = range(len(skill.acting_parts)) if skill.reselects else selectable_parts(skill, low, high)
-    parts = tuple(_part_reach(skill, index, low, high, near, period) for index in chosen)
-    arrival = _latest([part.arrival for part in parts])
+    if isinstance(skill, ChainedSkill):
+        parts, arrival = _chain_reach(
+            skill, certificate, Starts.turned_anyhow(low, high, skill), near, period
+        )
+    else:
+        chosen = range(len(skill.acting_parts)) if skill.reselects else selectable_parts(skill, low, high)
+        parts = tuple(_part_reach(skill, index, low, high, near, period) for index in chosen)
+        arrival = _latest([part.arrival for part in parts])
     least = tuple(map(min, zip(*(part.low for part in parts), strict=True)))
     most = tuple(map(max, zip(*(part.high for part in parts), strict=True)))
     return Reach(
@@ -167,6 +175,24 @@ def _part_reach(
         for block, highest in levels
     ]
     return PartReach(index + 1, level, tuple(least.tolist()), tuple(most.tolist()), _latest(times))
+
+
+def _chain_reach(
+    chain: ChainedSkill, certificate: Certificate, first: Starts, near: float, period: float
+) -> tuple[tuple[PartReach, ...], float | None]:
+    """Return the bounds of all parts of a chain, each from where it begins, and of the whole's arrival."""
+    course, _ = follow_stages(chain, certificate.parts, period, first)
+    parts = [
+        (index, _part_reach(chain, index, start.low, start.high, near, period))
+        for begun, _ in begun_stages(chain, first)
+        for index, starts in begun.items()
+        for start in starts
+    ]
+    end = _latest([reach.arrival for index, reach in parts if index in chain.stages[-1]])
+    arrival = None
+    if course is not None and course.steps is not None and end is not None:
+        arrival = (course.steps - (course.stages[-1].steps or 0)) * period + end
+    return tuple(reach for _, reach in parts), arrival
 
 
 def _latest(times: Sequence[float | None]) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +53,11 @@ class Starts:
         position, turn = np.split(state, [space.positions])
         return cls(position - distance, position + distance, turn, distance / _length(space))
 
+    @classmethod
+    def turned_anyhow(cls, low: FloatArray, high: FloatArray, skill: Skill) -> Starts:
+        """Return all positions in a box between two corners (c,); of poses in any orientation."""
+        return cls(low, high, skill.attractors[0][skill.space.positions :], math.pi)
+
     def away(self, target: FloatArray) -> float:
         """Return how far a position is at most from that of a target (d,)."""
         position = target[: len(self.low)]
@@ -96,8 +101,26 @@ def _apart(part: ActingSkill) -> tuple[Block, ...]:
     return blocks_of(part) if part.coordinates.links else (whole_of(part),)
 
 
+def begun_stages(chain: ChainedSkill, first: Starts) -> Iterator[tuple[dict[int, list[Starts]], float]]:
+    """Yield, stage by stage, where each part that may act begins, and how near to a target it is over then.
+
+    Args:
+        chain: With parts that are proved where they begin.
+        first: Where the first stage begins.
+    """
+    starts = [first]
+    for skill, parts, level in zip(chain.parts, chain.stages, chain.levels.tolist(), strict=True):
+        begun: dict[int, list[Starts]] = {}
+        for start in starts:
+            for index in selectable_parts(skill, start.low, start.high):
+                begun.setdefault(parts[index], []).append(start)
+        ends = [(chain.acting_parts[index], over_within(chain.acting_parts[index], level)) for index in begun]
+        yield begun, max(distance for _, distance in ends)
+        starts = [Starts.around(part.attractor, distance, part.space) for part, distance in ends]
+
+
 def follow_stages(
-    chain: ChainedSkill, proved: Sequence[PartCertificate], period: float
+    chain: ChainedSkill, proved: Sequence[PartCertificate], period: float, first: Starts | None = None
 ) -> tuple[Course | None, tuple[str, ...]]:
     r"""Return by when each stage is over, and why one may not lead into the next, in sentences.
 
@@ -109,31 +132,24 @@ def follow_stages(
         chain: With parts that are proved, at least from within their radius.
         proved: What is proved of each acting part.
         period: Of the controller, [s].
+        first: Where the first stage begins; by default where it was taught.
 
     References:
         Theory page, chains; ours.
     """
-    first = _taught(chain, proved[0])
-    starts, stages = [first], list[StageCertificate]()
-    for number, (skill, parts) in enumerate(zip(chain.parts, chain.stages, strict=True), start=1):
-        begun: dict[int, list[Starts]] = {}
-        for start in starts:
-            for index in selectable_parts(skill, start.low, start.high):
-                begun.setdefault(parts[index], []).append(start)
+    first = _taught(chain, proved[0]) if first is None else first
+    stages: list[StageCertificate] = []
+    for number, (begun, within) in enumerate(begun_stages(chain, first), start=1):
         reasons = [
             _outside(chain.acting_parts[index], proved[index], start, first=number == 1)
             for index in begun
             for start in begun[index]
         ]
+        if not math.isfinite(within):
+            reasons.append("how far from its target it is over is beyond float64.")
         if outside := dict.fromkeys(reason for reason in reasons if reason is not None):
             return None, tuple(f"stage {number}: {reason}" for reason in outside)
-        level = float(chain.levels[number - 1])
-        ends = [(chain.acting_parts[index], over_within(chain.acting_parts[index], level)) for index in begun]
-        within = max(distance for _, distance in ends)
-        if not math.isfinite(within):
-            return None, (f"stage {number}: how far from its target it is over is beyond float64.",)
         stages.append(_stage(chain, number, begun, within, proved, period))
-        starts = [Starts.around(part.attractor, distance, part.space) for part, distance in ends]
     return _course(chain, first, stages, period), ()
 
 
@@ -145,7 +161,7 @@ def _taught(chain: ChainedSkill, proved: PartCertificate) -> Starts:
     reach = TAUGHT * np.sqrt(np.diagonal(density.covariances, axis1=1, axis2=2))
     low, high = box(np.vstack([density.means - reach, density.means + reach]))
     c = part.space.positions
-    return Starts(low[:c], high[:c], part.attractor[c:], math.pi)
+    return Starts.turned_anyhow(low[:c], high[:c], chain)
 
 
 def _outside(part: ActingSkill, proved: PartCertificate, starts: Starts, *, first: bool) -> str | None:

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from skillctl.arrays import FloatArray
 from skillctl.errors import InvalidModelError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
+from skillctl.model.golden import GoldenMotions
 from skillctl.model.pose import Pose
 from skillctl.model.skill import Skill
 from skillctl.model.space import Euclidean, Space
@@ -54,6 +55,7 @@ class Artifact:
         operation: The command that made the skill.
         provenance: Inputs, parents, versions.
         reports: How well it repeats each demonstration.
+        golden: Motions by which implementations are compared, recorded where the skill was made.
     """
 
     skill: Skill
@@ -61,6 +63,7 @@ class Artifact:
     operation: Operation
     provenance: Provenance
     reports: tuple[DemonstrationReport, ...] = ()
+    golden: GoldenMotions | None = None
 
     def __post_init__(self) -> None:
         n_leaves = len(self.skill.leaves)
@@ -107,7 +110,9 @@ def arrays_of(artifact: Artifact) -> dict[str, Array]:
 
 def contents_of(artifact: Artifact) -> dict[str, Array]:
     """Return all arrays of an artifact but its metadata, by path."""
-    return {**model_arrays(artifact.skill), **_demonstration_arrays(artifact)}
+    golden = artifact.golden
+    recorded = {} if golden is None else {"golden/times": golden.times, "golden/states": golden.states}
+    return {**model_arrays(artifact.skill), **_demonstration_arrays(artifact), **recorded}
 
 
 def metadata_of(artifact: Artifact) -> dict[str, Any]:
@@ -150,7 +155,10 @@ def artifact_of(arrays: Mapping[str, Array], name: str, version: int) -> Artifac
     _require_states(space, arrays)
     skill = skill_of(meta.skill, arrays, space)
     demonstrations = _demonstrations_of(arrays, meta.demonstrations, len(skill.leaves), space)
-    artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports)
+    golden = None
+    if "golden/states" in arrays:
+        golden = GoldenMotions(arrays["golden/times"], arrays["golden/states"])
+    artifact = Artifact(skill, demonstrations, meta.operation, meta.provenance, meta.reports, golden)
     # The digest by the rules of the file's own format: another format gives another one.
     artifact.__dict__["digest"] = content_digest(arrays, version)
     return artifact

@@ -36,7 +36,8 @@ class ArraySpec:
 
 # B bytes of metadata; K components, M density components and L leaves of the skill tree, stacked from left
 # to right; d dimensions, c of them a position; D demonstrations with N samples altogether; S learned shears
-# of J bumps each; R components of the regions of all parts. Lengths of one name are equal.
+# of J bumps each; R components of the regions of all parts; G golden
+# motions of T states. Lengths of one name are equal.
 ARRAYS: dict[str, ArraySpec] = {
     META: ArraySpec("<u1", ("B",)),
     "model/priors": ArraySpec("<f8", ("K",)),
@@ -63,10 +64,13 @@ ARRAYS: dict[str, ArraySpec] = {
     "regions/means": ArraySpec("<f8", ("R", "d"), since=2),
     "regions/covariances": ArraySpec("<f8", ("R", "d", "d"), since=2),
     "regions/part": ArraySpec("<i8", ("R",), since=2),
+    "golden/times": ArraySpec("<f8", ("T",), since=2),
+    "golden/states": ArraySpec("<f8", ("G", "T", "d"), since=2),
 }
 # Each is present as a whole, or absent: no leaf keeps demonstrations; all leaves move in the measured state;
-# position densities decide which part acts.
-OPTIONAL_GROUPS = {"demonstrations", "coordinates", "regions"}
+# position densities decide which part acts; no motions were recorded.
+OPTIONAL_GROUPS = {"demonstrations", "coordinates", "regions", "golden"}
+DERIVED = "golden/"  # follows from the rest but for rounding, so it is no part of the skill's identity
 
 MAX_LENGTHS = {
     "B": 1 << 16,
@@ -81,6 +85,8 @@ MAX_LENGTHS = {
     "S": 4096,
     "J": 64,
     "R": 1 << 14,
+    "G": 64,
+    "T": 1024,
 }
 
 
@@ -117,12 +123,12 @@ def require_layout(shapes: Mapping[str, tuple[int, ...]]) -> None:
 
 
 def content_digest(arrays: Mapping[str, Array], version: int = FORMAT_VERSION) -> str:
-    """Return ``sha256:…`` over path, type, shape and bytes of every array: the skill's identity.
+    """Return ``sha256:…`` over path, type, shape and bytes of every array but derived ones: the identity.
 
     It does not depend on how HDF5 lays the arrays out in a file, but on the format they are written in.
     """
     digest = hashlib.sha256(mark_of(version) + b"\n")
-    for path in sorted(arrays):
+    for path in sorted(path for path in arrays if not path.startswith(DERIVED)):
         spec = ARRAYS[path]
         array = np.ascontiguousarray(arrays[path], dtype=spec.dtype)
         shape = ",".join(map(str, array.shape))

@@ -15,6 +15,7 @@ from skillctl.evaluate.comparison import (
     leaf_differences,
     proofs_agree,
 )
+from skillctl.evaluate.stage_comparison import StageDifference, same_course, stage_differences
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
 from skillctl.store import Lock, metadata_of
@@ -55,6 +56,7 @@ class DiffReport:
         leaves: Differences of the leaves; None if the skills have other numbers of leaves or other spaces.
         behaviour: How differently they move.
         certificates: What is proved of a and b, derived now.
+        stages: Of two chains, what has become of each stage.
         proofs_agree: Whether verdicts and scopes are the same, and rates and periods within the tolerances.
     """
 
@@ -70,6 +72,7 @@ class DiffReport:
     behaviour: Behaviour
     certificates: tuple[Certificate, Certificate]
     proofs_agree: bool
+    stages: tuple[StageDifference, ...] = ()
 
 
 def diff(
@@ -109,7 +112,7 @@ def diff(
         sides[0],
         sides[1],
         identical=sides[0].digest == sides[1].digest,
-        differs=not (behaviour.same and agree),
+        differs=not (behaviour.same and agree and same_course(a, b, atol, rtol)),
         atol=atol,
         rtol=rtol,
         unit=a.space.unit,
@@ -118,6 +121,7 @@ def diff(
         behaviour=behaviour,
         certificates=certificates,
         proofs_agree=agree,
+        stages=stage_differences(a, b),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from skillctl.model.golden import golden_motions
 from skillctl.model.skill import Skill
 from skillctl.store import Artifact, Operation
 from skillctl.store.references import require_file_name
@@ -49,6 +50,7 @@ def save(skill: Skill, path: str | Path) -> Path:
 
     file = require_file_name(path)
     require_outside_store(file)
-    artifact = Artifact(skill, (None,) * len(skill.leaves), Operation(command="python"), current_provenance())
+    unshown, made = (None,) * len(skill.leaves), Operation(command="python")
+    artifact = Artifact(skill, unshown, made, current_provenance(), golden=golden_motions(skill))
     write_file(file, encode(artifact))
     return file

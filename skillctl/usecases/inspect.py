@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skillctl.arrays import FloatArray
 from skillctl.evaluate.place import Place, Region, at, regions_of
+from skillctl.evaluate.timeline import Timeline, timeline_of
 from skillctl.model.coordinates.chain import Chain, Link, OnPosition
 from skillctl.model.coordinates.shears import Shears
 from skillctl.model.joint import JointMixture, joint_mixture
@@ -27,7 +28,7 @@ class Leaf:
 
     Attributes:
         leaf: Counted from 1, from left to right.
-        part: Part of the whole skill it belongs to, counted from 1.
+        part: Part of the whole skill it belongs to, counted from 1; of a chain, its stage.
         n_components: K.
         speed: Its own factor on all velocities, already in the mixture.
         attractor, lyapunov, system_matrices: ξ* (d,), P (d, d), Aₖ (K, d, d) [1/s].
@@ -58,8 +59,8 @@ class Node:
     """One skill of the tree: how its parts act together; a SEDS skill has none.
 
     Attributes:
-        kind: ``seds``, ``merged`` or ``combined``.
-        share: Weight or prior in the skill above; 1 for the whole.
+        kind: ``seds``, ``merged``, ``combined`` or ``chain``.
+        share: Weight or prior in the skill above; 1 for the whole; the same for all stages of a chain.
         gate, disturbance_distance: None where the kind of skill has none.
         parameters: Of the gate, by name.
         speed: Factor on all velocities.
@@ -113,7 +114,8 @@ class InspectReport:
         tree: The skill and its parts.
         leaves: The learned skills at the ends of the tree.
         certificate: What is proved of it, derived now.
-        regions: Of a combined skill, the region of each part; empty for others.
+        regions: Of a combined skill, the region of each part, and so of a chain's stages; empty for others.
+        timeline: Of a chain, its stages; None of others.
         at: What it does at the position that was given; None without one.
         reports: How well each leaf repeats each of its demonstrations.
         operation, provenance: The command that made it, its inputs and parents.
@@ -132,6 +134,7 @@ class InspectReport:
     reports: tuple[DemonstrationReport, ...]
     operation: Operation
     provenance: Provenance
+    timeline: Timeline | None
 
 
 def inspect(
@@ -171,17 +174,18 @@ def inspect(
         reports=artifact.reports,
         operation=artifact.operation,
         provenance=artifact.provenance,
+        timeline=timeline_of(artifact, certificate),
     )
 
 
 def _node(skill: Skill, share: float) -> Node:
-    combined = skill.kind == "combined"
+    jumps = skill.kind in ("combined", "chain")
     return Node(
         kind=skill.kind,
         share=share,
         gate=skill.gate or None,
         parameters=dict(skill.parameters),
-        disturbance_distance=skill.disturbance_distance if combined else None,
+        disturbance_distance=skill.disturbance_distance if jumps else None,
         speed=skill.speed,
         parts=tuple(_node(part, float(s)) for part, s in zip(skill.parts, skill.shares, strict=True)),
     )

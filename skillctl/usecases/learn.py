@@ -17,6 +17,7 @@ from skillctl.evaluate.left_out import LeftOut, held_out, leave_out_in_turn
 from skillctl.learning.fit import Fit, fit
 from skillctl.learning.options import LearnOptions
 from skillctl.learning.preprocess import align, embedded
+from skillctl.model.golden import golden_motions
 from skillctl.progress import Progress
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate
@@ -166,7 +167,8 @@ def prepare(request: LearnRequest, progress: Progress | None = None) -> Learned:
         warnings = (*told(read.faults), *_inaccuracy(fitted, reports))
         results = {**_results(fitted, left_out), "warnings": warnings}
         done = operation.model_copy(update={"results": results})
-        artifact = Artifact(fitted.skill, (fitted.demonstrations,), done, provenance, reports)
+        golden = golden_motions(fitted.skill)
+        artifact = Artifact(fitted.skill, (fitted.demonstrations,), done, provenance, reports, golden)
         return artifact, certificate, Details((*read.notes, *fitted.warnings), left_out)
 
     made = make(request, operation, build, inputs=(*request.paths, *request.robot.files))

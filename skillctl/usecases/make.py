@@ -12,6 +12,7 @@ from skillctl.compose.parts import notes_on
 from skillctl.demonstrations.formats import digest_of
 from skillctl.errors import FitError, InputDataError
 from skillctl.evaluate.errors import report_errors
+from skillctl.model.golden import golden_motions
 from skillctl.model.skill import Skill
 from skillctl.plotting.formats import require_picture
 from skillctl.stability.certificate import certify
@@ -208,7 +209,7 @@ def child_artifact(
     """
     demonstrations = carried_demonstrations(sources, child.leaves, turn=turn)
     provenance = current_provenance(inputs=inputs, parents=parents_of(sources, role))
-    return Artifact(child, demonstrations, operation, provenance, tuple(reports))
+    return Artifact(child, demonstrations, operation, provenance, tuple(reports), golden_motions(child))
 
 
 def reports_on(artifact: Artifact) -> tuple[DemonstrationReport, ...]:
@@ -333,9 +334,9 @@ def _changed_options(there: Operation, wanted: Operation) -> list[str]:
 
 
 def _value(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return ",".join(map(_value, value))
-    return "not set" if value is None else str(value)
+    if value is None or value == []:
+        return "not set"
+    return ",".join(map(_value, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def _sha256(path: Path) -> str:

@@ -19,6 +19,7 @@ from skillctl.plotting.proof import Bounds, draw_proofs
 from skillctl.plotting.skill import draw_family, draw_skill
 from skillctl.plotting.style import Drawing, encode
 from skillctl.plotting.task import draw_task
+from skillctl.stability.certificate import certify
 from skillctl.stability.parts import least
 from skillctl.stability.report import Certificate, at_least
 from skillctl.store import Artifact, read_skill, write_file
@@ -94,16 +95,20 @@ def picture_fit(name: str, artifact: Artifact, left_out: Sequence[LeftOut], path
 def picture_proofs(report: VerifyReport, path: Path) -> None:
     """Draw where and how fast V shrinks, for every skill that could be read, if there is one.
 
+    Of a chain that is drawn for each of its stages.
+
     Raises:
-        UsageError: More skills than fit into one figure, or see ``picture_skill``.
+        UsageError: More skills or stages than fit into one figure, or see ``picture_skill``.
         StoreError: The picture cannot be written, or a skill changed since it was verified.
     """
     require_few(len(report.skills))
     proofs = [
-        (_portrait(verdict.skill, reopened(verdict.path, verdict.digest)), bounds_of(verdict.certificate))
+        proof
         for verdict in report.skills
         if verdict.certificate is not None and verdict.path is not None
+        for proof in _proofs(verdict.skill, reopened(verdict.path, verdict.digest), verdict.certificate)
     ]
+    require_few(len(proofs))
     if proofs:
         _write(path, draw_proofs(proofs))
 
@@ -145,11 +150,11 @@ def pictures_of(name: str, artifact: Artifact, certificate: Certificate) -> list
     """
     skill, portrait = artifact.skill, _portrait(name, artifact)
     figures = [("The skill", draw_skill(portrait, kind_of(skill)))]
-    if len(skill.leaves) == 1 and portrait.demonstrations:
+    if skill.kind != "chain" and len(skill.leaves) == 1 and portrait.demonstrations:
         figures.append(("What it learned", _fit_figure(name, artifact, ())))
     if artifact.operation.command == "adapt":
         figures += [("The task", figure) for figure in _task_figures(artifact)]
-    figures.append(("What is proved", draw_proofs([(portrait, bounds_of(certificate))])))
+    figures.append(("What is proved", draw_proofs(_proofs(name, artifact, certificate))))
     return [Picture(title, encode(figure, "svg")) for title, figure in figures]
 
 
@@ -158,6 +163,8 @@ def kind_of(skill: Skill) -> str:
     if skill.kind == "combined":
         ends = "one target" if len(skill.attractors) == 1 else f"{len(skill.parts)} targets"
         return f"combined, {skill.gate}, {ends}"
+    if skill.kind == "chain":
+        return f"chain of {len(skill.parts)} stages"
     if skill.kind == "merged":
         return f"merged, {skill.gate}"
     return f"learned, {skill.n_components} components"
@@ -194,6 +201,20 @@ def _task_figures(artifact: Artifact) -> list[Drawing]:
         return [draw_task(task_picture(recorded_task(lines), artifact.skill))]
     except (ValueError, UsageError):  # it is what a file says: anything
         return []
+
+
+def _proofs(name: str, artifact: Artifact, certificate: Certificate) -> list[tuple[Portrait, Bounds]]:
+    """Return what a figure of a certificate shows: the skill, or each stage of a chain by itself."""
+    if artifact.skill.kind != "chain":
+        return [(_portrait(name, artifact), bounds_of(certificate))]
+    taught = iter(artifact.demonstrations)
+    return [
+        (
+            portrait_of(f"{name}, stage {number}", stage, [next(taught) for _ in stage.leaves]),
+            bounds_of(certify(stage)),
+        )
+        for number, stage in enumerate(artifact.skill.parts, start=1)
+    ]
 
 
 def _portrait(name: str, artifact: Artifact) -> Portrait:

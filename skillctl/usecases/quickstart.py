@@ -1,4 +1,4 @@
-"""Every step on an example: demonstrations, skills, skills from skills, proofs, a simulated arm, a grasp."""
+"""Every step on an example: demonstrations, skills, skills from skills, proofs, a simulated arm, a cup."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from skillctl.compose.options import CombineOptions, MergeOptions
+from skillctl.compose.options import ChainOptions, CombineOptions, MergeOptions, read_within
+from skillctl.demonstrations.options import Reading
 from skillctl.demonstrations.reaching import TASKS, reaching_demonstrations, target_of
 from skillctl.demonstrations.writing import write_csv
 from skillctl.errors import NotFoundError, UsageError
@@ -19,6 +20,7 @@ from skillctl.progress import Progress
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scenario_file import overridden, read_scenario
 from skillctl.stability.report import Verdict
+from skillctl.usecases.chain import chain
 from skillctl.usecases.combine import combine
 from skillctl.usecases.learn import learn
 from skillctl.usecases.make import MakeReport
@@ -32,8 +34,12 @@ CUPS = Path("cups.toml")
 MERGED = {"top-left": ("bottom-left", "top-centre"), "top-right": ("bottom-right", "top-centre")}
 SHELF = "shelf"
 COMBINED = ("bottom-left", "bottom-right", "top-centre")
+LEAVE, LEFT = "leave", "bottom-right"  # a retreat, and the approaches that it is learned from backwards
+CARRY, STAGES = "carry", (SHELF, LEAVE, "top-centre", LEAVE)
+TAKEN, EVENTS, WITHIN = (1, (0.63, 0.0, 0.48)), ((1, "close"), (3, "open")), "5mm"
+BOUND = {"1": "cup", "2": "home", "3": "place", "4": "home"}
 START = (0.42, 0.0, 0.55)  # low in front of the shelf, where the demonstrations start [m]
-CUP = (0.62, -0.2)  # one that no demonstration reached for [m]
+CUP, PLACE = (0.62, -0.2), (0.62, 0.0)  # on the lower and the upper board; no demonstration went there [m]
 COMPARED = (*TASKS, SHELF)  # on the same cups
 EPISODES = 8
 ANYWHERE = """\
@@ -64,10 +70,10 @@ class SkillSummary:
 
     Attributes:
         skill: Its name and version.
-        made_by: ``learn``, ``merge`` or ``combine``.
+        made_by: ``learn``, ``merge``, ``combine`` or ``chain``.
         dtw: Mean distance of its motion to its demonstrations, [m]; None unless learned from some.
         verdict, rate, period: What is proved: verdict, decay rate [1/s], longest controller period [s].
-        outcome: Of the simulated reach; None if there is no simulator.
+        outcome: Of the simulated reach; None if there is no simulator, or none was tried.
         final_error, time_to_target: Of that reach, [m] and [s].
         grasped: How many of the same cups it grasped; None if that was not tried.
     """
@@ -93,8 +99,8 @@ class QuickstartReport:
         commands: What was run; the same can be typed in that directory.
         skills: One summary a skill.
         cups: How many cups ``grasped`` is counted of.
-        outcome: Of the grasp by the combined skill that ends the example; None if there is no simulator.
-        picture: Of that grasp.
+        outcome: Of the cup that the chain carries at the end; None if there is no simulator.
+        picture: Of that.
         notes: What was left out, and why.
     """
 
@@ -108,16 +114,16 @@ class QuickstartReport:
 
     @property
     def success(self) -> bool:
-        """Whether everything was proved, every simulated reach arrived, and the last one took the cup."""
+        """Whether everything was proved, every simulated reach arrived, and the cup was set down."""
         proved = all(skill.verdict == "stable" for skill in self.skills)
         arrived = all(skill.outcome in (None, "reached") for skill in self.skills)
-        return proved and arrived and self.outcome in (None, "grasped")
+        return proved and arrived and self.outcome in (None, "placed")
 
 
 def quickstart(
     directory: Path, *, announce: Announce = lambda _: None, progress: Progress | None = None
 ) -> QuickstartReport:
-    """Write example demonstrations, learn, merge, combine, verify and simulate skills from them.
+    """Write example demonstrations; learn, merge, combine, chain, verify and simulate skills from them.
 
     In a directory that holds an earlier quickstart, what is up to date is left as it is.
 
@@ -137,6 +143,7 @@ def quickstart(
         session.say("cd", shlex.quote(str(directory)))
         session.learn_all()
         session.merge_and_combine()
+        session.chain()
         session.verify_all()
         outcome = session.simulate_all()
     commands, skills = tuple(session.commands), tuple(session.skills.values())
@@ -185,6 +192,19 @@ class _Session:
         combining = CombineOptions(align=True, target=target)
         self.made(SHELF, "combine", combine(COMBINED, name=SHELF, store=STORE, options=combining))
 
+    def chain(self) -> None:
+        files, reading = f"{DEMONSTRATIONS}/{LEFT}/*.csv", Reading(reverse=True, accept=("ends",))
+        self.say("skillctl learn", files, "--reverse --accept ends", "--name", LEAVE)
+        paths = sorted((DEMONSTRATIONS / LEFT).glob("*.csv"))
+        report = learn(paths, name=LEAVE, store=STORE, reading=reading, progress=self.progress)
+        self.made(LEAVE, "learn", report, mean_dtw(report.demonstrations))
+        stage, target = TAKEN
+        events = [word for number, event in EVENTS for word in ("--event", f"{number}:{event}")]
+        placed = ("--target", f"{stage}={_typed(target)}", "--within", WITHIN)
+        self.say("skillctl chain", *STAGES, *placed, *events, "--name", CARRY)
+        options = ChainOptions(target=(TAKEN,), within=(read_within(WITHIN),), event=EVENTS)
+        self.made(CARRY, "chain", chain(STAGES, name=CARRY, store=STORE, options=options))
+
     def verify_all(self) -> None:
         self.say("skillctl verify-stability", *self.skills)
         for name in self.skills:
@@ -195,11 +215,11 @@ class _Session:
         """Return how the last grasp ended; None without a simulator, when everything else still stands."""
         CUPS.write_text(ANYWHERE, encoding="utf-8")
         try:
-            for name in self.skills:
+            for name in (*TASKS, *MERGED, SHELF):
                 self.reach(name)
             for name in COMPARED:
                 self.grasp_many(name)
-            return self.grasp()
+            return self.carry()
         except NotFoundError as error:
             self.commands.pop()
             self.notes.append(f"nothing was simulated: {error} {error.hint}".strip())
@@ -218,12 +238,13 @@ class _Session:
         run = simulate_many(name, scenario, min_success=0.0, store=STORE, progress=self.progress)
         self.update(name, grasped=run.successes)
 
-    def grasp(self) -> str:
-        options = ("--scene", "shelf", "--target", "cup", "--cup", _typed(CUP), "--picture", str(PICTURE))
-        self.say("skillctl simulate", SHELF, *options)
-        given = {"scene": "shelf", "target": "cup", "cup": {"position": CUP}}
-        scenario = overridden(Scenario(), given)
-        return simulate(SHELF, scenario, picture=PICTURE, store=STORE, progress=self.progress).outcome
+    def carry(self) -> str:
+        bound = [word for stage, name in BOUND.items() for word in ("--bind", f"{stage}={name}")]
+        places = ("--cup", f"{_typed(CUP)},bottom", "--place", f"{_typed(PLACE)},top")
+        self.say("skillctl simulate", CARRY, "--scene shelf", *places, *bound, "--picture", str(PICTURE))
+        standing = {"cup": {"position": CUP, "board": "bottom"}, "place": {"position": PLACE, "board": "top"}}
+        scenario = overridden(Scenario(), {"scene": "shelf", "bind": BOUND, **standing})
+        return simulate(CARRY, scenario, picture=PICTURE, store=STORE, progress=self.progress).outcome
 
     def update(self, name: str, **found: Any) -> None:
         self.skills[name] = replace(self.skills[name], **found)

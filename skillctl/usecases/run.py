@@ -20,7 +20,6 @@ from skillctl.drivers.registry import driver_class
 from skillctl.drivers.replay import Replay
 from skillctl.drivers.start import start_of
 from skillctl.errors import GoalNotReachedError, UsageError, require_directory
-from skillctl.model.controller import Controller
 from skillctl.options import options_of
 from skillctl.stability.certificate import certify
 from skillctl.stability.report import Certificate, at_least
@@ -108,7 +107,7 @@ def run(
     with closing(_robot(source, options, recorded)) as driver:
         if not options.allow_unproved:
             _require_period(source.name, driver.period, certificate)
-        loop = Loop(driver, Controller(skill, driver.period, allow_unproved=True), options)
+        loop = Loop(driver, skill, options)
         start = loop.connect()
         notes = tuple(_notes(driver, source))
         for note in notes:

@@ -16,7 +16,7 @@ from skillctl.progress import Progress
 from skillctl.simulation.arm import CONTROL_PERIOD
 from skillctl.simulation.batch import Adapt
 from skillctl.simulation.draws import chosen
-from skillctl.simulation.episode import PHASES, Episode, Metrics, Outcome, Unit
+from skillctl.simulation.episode import PHASES, Episode, Metrics, Outcome, StageTime, Unit
 from skillctl.simulation.recording import encode_log, log_format
 from skillctl.simulation.run import simulate as run_episode
 from skillctl.simulation.scenario import Scenario
@@ -48,6 +48,7 @@ class SimulateReport:
         target: Workspace position of the target, [m]; its joints for a skill that moves joints.
         target_turn: Orientation q_xyzw of the target of a pose skill.
         task: How the measured motion, until a lift begins, does the task; None if none was given.
+        stages: When the stages of a chain acted.
         unit: Unit of target, final error and tracking: ``m``, or ``rad``.
         metrics: The figures, in SI units.
         wall_seconds: Time that the simulation took, [s].
@@ -79,6 +80,7 @@ class SimulateReport:
     unit: Unit
     target_turn: tuple[float, ...] | None = None
     task: TaskVerdict | None = None
+    stages: tuple[StageTime, ...] = ()
 
 
 def simulate(
@@ -161,6 +163,7 @@ def simulate(
         unit=setup.unit,
         target_turn=tuple(result.series.target_turns[-1].tolist()) if setup.turns else None,
         task=judged,
+        stages=result.stages,
     )
 
 

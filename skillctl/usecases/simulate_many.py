@@ -15,7 +15,15 @@ from skillctl.simulation.bullet import load_bullet
 from skillctl.simulation.draws import batch_of
 from skillctl.simulation.prepare import arm_of
 from skillctl.simulation.scenario import Sampling, Scenario
-from skillctl.simulation.tally import CONFIDENCE, encode_rows, failures, medians, wilson_interval
+from skillctl.simulation.tally import (
+    CONFIDENCE,
+    LostCups,
+    encode_rows,
+    failures,
+    lost_cups,
+    medians,
+    wilson_interval,
+)
 from skillctl.store import Lock, write_file
 from skillctl.store.source import Source, open_skill
 from skillctl.usecases.simulate import adapting, proof_notes, require_directories
@@ -56,6 +64,7 @@ class SimulateManyReport:
         failures: Number of episodes by class of failure.
         failed: Each episode that failed.
         parts: Episodes by the part of a combined skill that acted; none acts if an episode cannot begin.
+        lost: What became of the cups that a chain lost.
         medians: Median of each figure over the episodes that have it, in SI units.
         simulated_seconds, wall_seconds: Simulated time of all episodes, and the time that they took.
         table, overview: Files that were written, if any.
@@ -76,6 +85,7 @@ class SimulateManyReport:
     failures: dict[str, int]
     failed: tuple[FailedEpisode, ...]
     parts: tuple[PartTally, ...]
+    lost: LostCups
     medians: dict[str, float]
     simulated_seconds: float
     wall_seconds: float
@@ -185,6 +195,7 @@ def _report(
         failures={str(kind): number for kind, number in failures(rows).items()},
         failed=tuple(FailedEpisode(row.index, row.outcome, row.detail) for row in rows if not row.success),
         parts=_parts(source, rows),
+        lost=lost_cups(rows),
         medians=medians(rows),
         simulated_seconds=sum(row.metrics.simulated_time for row in rows if row.metrics is not None),
         wall_seconds=wall_seconds,
@@ -228,9 +239,9 @@ def _parts(source: Source, rows: tuple[Row, ...]) -> tuple[PartTally, ...]:
 
 
 def _part_names(source: Source) -> tuple[str, ...]:
-    """Return the names of the parts of a combined skill, none for any other."""
+    """Return the names of the parts of a combined skill, none for any other; those of a chain act in turn."""
     count, parents = len(source.skill.acting_parts), source.artifact.provenance.parents
-    if count == 1:
+    if count == 1 or source.skill.kind == "chain":
         return ()
     if len(parents) != count:  # a combined skill among the parents was taken apart
         return tuple(f"part {number}" for number in range(1, count + 1))

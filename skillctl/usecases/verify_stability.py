@@ -12,6 +12,7 @@ from skillctl.adapt.report import TaskVerdict
 from skillctl.errors import SkillctlError, StoreError, UsageError
 from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.geometry import box
+from skillctl.model.golden import GoldenComparison
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
 from skillctl.simulation.prepare import among_scene
@@ -32,6 +33,7 @@ from skillctl.workers import WorkerDied, Workers
 if TYPE_CHECKING:
     from skillctl.adapt.asked import AskedTask
 
+NOTHING_RECORDED = "It holds no golden motions: an earlier version made it, or no period is proved of it."
 Outcome: TypeAlias = Literal["proved", "not proved", "not signed", "inconclusive", "unreadable"]
 
 
@@ -54,6 +56,7 @@ class SkillVerdict:
             nothing is proved of them.
         clearance: Which bodies of the scene its hand is proved clear of; None if no scene was given.
         task: How it does the task; None if no task was given.
+        golden: How it agrees with its golden motions; None if that was not asked, or if it holds none.
     """
 
     skill: str
@@ -67,14 +70,22 @@ class SkillVerdict:
     reach: Reach | None = None
     clearance: Clearance | None = None
     task: TaskVerdict | None = None
+    golden: GoldenComparison | None = None
 
 
 @dataclass(frozen=True)
 class VerifyReport:
-    """The verdicts, in the order in which the skills were named, and what was required."""
+    """The verdicts, in the order in which the skills were named, and what was required.
+
+    Attributes:
+        skills: One verdict each.
+        required: Of the proof.
+        golden: Whether they had to agree with their golden motions.
+    """
 
     skills: tuple[SkillVerdict, ...]
     required: Requirements
+    golden: bool = False
 
 
 def verify_stability(
@@ -85,6 +96,7 @@ def verify_stability(
     required: Requirements | None = None,
     scene: Path | None = None,
     task: Path | None = None,
+    golden: bool = False,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> VerifyReport:
@@ -96,6 +108,7 @@ def verify_stability(
         lock: Allow only skills that it names.
         required: What has to be proved; by default convergence from everywhere.
         scene: A scenario file: of which of its bodies is the hand proved clear?
+        golden: Every skill has to agree with the motions that were recorded where it was made.
         task: A task file; every skill has to do the task as it is, by all motions that are followed.
         workers: Processes that read and prove; by default this one. They do not change a verdict.
         progress: Called with (outcome of one skill, skills done, skills in all).
@@ -130,7 +143,9 @@ def verify_stability(
         from skillctl.adapt.asked import AskedTask  # late: it reads demonstrations, and scenes
 
         asked = AskedTask.read(task, place, lock)
-    work = partial(_verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked)
+    work = partial(
+        _verdict, store=place, lock=lock, required=required, scenario=scenario, asked=asked, golden=golden
+    )
     verdicts = workers.run(work, named, done=done, waiting=waiting)
     return VerifyReport(
         tuple(
@@ -138,6 +153,7 @@ def verify_stability(
             for reference, verdict in zip(named, verdicts, strict=True)
         ),
         required,
+        golden,
     )
 
 
@@ -172,6 +188,7 @@ def _verdict(
     required: Requirements,
     scenario: Scenario | None,
     asked: AskedTask | None,
+    golden: bool,
 ) -> SkillVerdict:
     try:
         skill = exported_from(reference, store)
@@ -180,7 +197,7 @@ def _verdict(
     except SkillctlError as error:
         return SkillVerdict(reference, error=error)
     digest = source.artifact.digest
-    certificate = certify(source.skill, digest=digest)
+    certificate = certify(source.skill, digest=digest, period=required.period)
     reach = _reach(source, certificate, required)
     unmet = required.unmet_by(certificate, reach)
     task = None if asked is None else asked.judged(source.skill, certificate)
@@ -189,6 +206,13 @@ def _verdict(
     if unmet:
         unknown = certificate.verdict == "inconclusive" and not required.reached_by(certificate)
         outcome = "inconclusive" if unknown else "not proved"
+    agreement = _agreement(source) if golden else None
+    if golden and agreement is None:
+        unmet = (*unmet, NOTHING_RECORDED)
+        outcome = "inconclusive" if outcome == "proved" else outcome
+    elif agreement is not None and not agreement.agrees:
+        unmet = (*unmet, f"It does not agree with its golden motions: {agreement.said}.")
+        outcome = "not proved"
     if signed is not None and signed.state != "valid":
         unmet = (*unmet, f"Required is a signature; {signed.explanation}")
         outcome = "not proved" if outcome == "not proved" else "not signed"
@@ -196,7 +220,14 @@ def _verdict(
     path = source.located.path
     clear = None if scenario is None else _clearance(source, scenario, required)
     name = source.name if skill == reference else f"{reference}, of {source.name}"
-    return SkillVerdict(name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task)
+    return SkillVerdict(
+        name, path, digest, certificate, None, outcome, unmet, state, reach, clear, task, agreement
+    )
+
+
+def _agreement(source: Source) -> GoldenComparison | None:
+    golden = source.artifact.golden
+    return None if golden is None else golden.compared(source.skill)
 
 
 def _clearance(source: Source, scenario: Scenario, required: Requirements) -> Clearance:

@@ -13,6 +13,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from skillctl.compose.combine import combine
 from skillctl.compose.merge import merge
 from skillctl.demonstrations.reaching import reaching_demonstrations
+from skillctl.drivers.driver import Setup
+from skillctl.drivers.fake import FakeArm
+from skillctl.drivers.loop import Loop
+from skillctl.drivers.options import RunOptions
 from skillctl.learning.fit import fit
 from skillctl.learning.options import LearnOptions
 from skillctl.model.controller import Controller
@@ -77,6 +81,13 @@ def test_one_control_step(benchmark: BenchmarkFixture, kinds: dict[str, Skill], 
     controller.step(state)
     command = benchmark(controller.step, state)  # the part that acts is known, as it is in a loop
     assert np.isfinite(command).all()
+
+
+@pytest.mark.benchmark(group="about a hundred steps of run")
+def test_steps_of_a_run(benchmark: BenchmarkFixture, reach: SedsSkill) -> None:
+    loop = Loop(FakeArm(Setup("", reach, start=reach.attractor + 0.3)), reach, RunOptions(timeout=0.985))
+    ending = benchmark(loop.drive, [])  # 99 steps, and those that bring the hand to rest
+    assert ending.outcome == "timeout"
 
 
 @pytest.mark.benchmark(group="batch")

@@ -187,6 +187,7 @@ def test_what_is_completed_depends_on_what_is_typed(shop):
     assert completed("inspect", "curve@") == ["curve@latest", "curve@release", "curve@2", "curve@1"]
     assert completed("merge", "curve", "-o", "x.h5", "h") == ["hook"]
     assert completed("merge", "--gate", "e") == ["experts"]
+    assert completed("run", "curve", "--driver", "ud") == ["udp"]
     assert completed("learn", "--components", "") == ["auto"]
     assert completed("verify-stability", "--report", "j") == ["junit=", "json="]
     assert completed("diff", "curve", "re") == ["reach"]

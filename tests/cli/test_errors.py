@@ -139,7 +139,7 @@ def test_an_unknown_skill_is_not_found_and_the_nearest_named(run, library, comma
     assert "Did you mean curve?" in refusal(run(command, "curv", "--store", library), 4)
 
 
-@pytest.mark.parametrize("command", ["merge", "combine"])
+@pytest.mark.parametrize("command", ["merge", "combine", "chain"])
 def test_skills_of_different_dimensions_are_refused(run, library, tmp_path, command):
     said = refusal(run(command, "curve", "reach", "--store", library, "-o", tmp_path / "a.h5"), 2)
     assert "3 dimensions" in said
@@ -161,6 +161,31 @@ def test_skills_of_different_dimensions_are_refused(run, library, tmp_path, comm
         ["combine", "curve", "hook", "--target", "0,0"],
         ["combine", "curve", "hook", "--priors", "1,-1"],
         ["combine", "curve", "hook", "--disturbance-distance", "-1"],
+        ["combine", "curve", "hook", "--within", "5mm"],
+        ["combine", "curve", "hook", "--gate", "sequence", "--align"],
+        ["combine", "curve", "hook", "--gate", "sequence", "--priors", "1,2"],
+        ["combine", "curve", "hook", "--gate", "sequence", "--target", "0,0"],
+        ["chain", "curve"],
+        ["chain", "curve", "hook", "--within", "0"],
+        ["chain", "curve", "hook", "--within", "nan"],
+        ["chain", "curve", "hook", "--within", "5 km"],
+        ["chain", "curve", "hook", "--within", "2deg"],
+        ["chain", "curve", "hook", "--within", "3:5mm"],
+        ["chain", "curve", "hook", "--within", "x:5mm"],
+        ["chain", "curve", "hook", "--event", "close"],
+        ["chain", "curve", "hook", "--event", "0:close"],
+        ["chain", "curve", "hook", "--event", "1:Close"],
+        ["chain", "curve", "hook", "--event", "1:wait"],
+        ["chain", "curve", "hook", "--event", "1:wait a"],
+        ["chain", "curve", "hook", "--event", "1:wait -1"],
+        ["chain", "curve", "hook", "--on-jump", "forward"],
+        ["chain", "curve", "hook", "--turn"],
+        ["chain", "curve", "hook", "--target", "0,0"],
+        ["chain", "curve", "hook", "--target", "3=0,0"],
+        ["chain", "curve", "hook", "--target", "1=0,0,0"],
+        ["chain", "curve", "hook", "--target", "1=0,0", "--target", "1=1,0"],
+        ["chain", "curve", "hook", "--target", "1=0,0", "--turn"],
+        ["chain", "curve", "hook", "--disturbance-distance", "0"],
     ],
 )
 def test_compositions_that_make_no_sense_are_refused(run, library, tmp_path, arguments):

@@ -18,6 +18,7 @@ COMMANDS = [
     ["export", "curve", "-o", "out.json"],
     ["merge", "curve", "curve", "-o", "out.h5"],
     ["combine", "curve", "hook", "-o", "out.h5"],
+    ["run", "curve", "--log", "out.h5"],
     *([["simulate", "curve", "--log", "out.csv"]] if importlib.util.find_spec("pybullet") else []),
 ]
 

@@ -13,7 +13,15 @@ from skillctl.demonstrations.units import UNITS
 from skillctl.learning.options import LearnOptions, read_components
 from skillctl.options import options_of, read_numbers, read_ranges, read_words
 from skillctl.simulation.ik import HAND_PITCH
-from skillctl.simulation.options import ScenarioOptions, read_cup, read_push, read_start, read_target
+from skillctl.simulation.options import (
+    ScenarioOptions,
+    read_bound,
+    read_knock,
+    read_push,
+    read_standing,
+    read_start,
+    read_target,
+)
 from skillctl.simulation.scenario import Scenario
 
 
@@ -40,7 +48,7 @@ def test_the_units_that_can_be_typed_are_units_of_positions():
 
 def test_what_can_be_typed_about_a_scenario_is_in_scenarios():
     fields = {each.field for each in options_of(ScenarioOptions)}
-    assert fields - set(Scenario.model_fields) == {"push", "move_target", "displace"}  # disturbances
+    assert fields - set(Scenario.model_fields) == {"push", "move_target", "displace", "knock"}
 
 
 @pytest.mark.parametrize(
@@ -74,8 +82,11 @@ def test_commands_have_the_options_and_defaults_of_the_rooms(command, kinds):
         (read_start, "0,1", (0.0, 1.0)),
         (read_target, "cup", "cup"),
         (read_target, "0,1", (0.0, 1.0)),
-        (read_cup, "0.6,-0.1", {"position": (0.6, -0.1)}),
-        (read_cup, "0.6,-0.1,bottom", {"position": (0.6, -0.1), "board": "bottom"}),
+        (read_standing, "0.6,-0.1", {"position": (0.6, -0.1)}),
+        (read_standing, "0.6,-0.1,bottom", {"position": (0.6, -0.1), "board": "bottom"}),
+        (read_bound, "1=cup", ("1", "cup")),
+        (read_bound, " 12 = 0.5,-1,2", ("12", (0.5, -1.0, 2.0))),
+        (read_knock, "1,0.2,0,0", {"kind": "knock", "time": 1.0, "offset": [0.2, 0.0, 0.0]}),
         (read_push, "1,0.2,0,0,9", {"kind": "push", "time": 1.0, "duration": 0.2, "force": [0.0, 0.0, 9.0]}),
     ],
 )
@@ -97,9 +108,13 @@ def test_lists_are_read(read, text, value):
         (read_components, "some"),
         (read_start, "here"),
         (read_target, "cop"),
-        (read_cup, "0.6"),
-        (read_cup, "0.6,0,middle"),
-        (read_cup, "0.6,0,0.7"),
+        (read_standing, "0.6"),
+        (read_standing, "0.6,0,middle"),
+        (read_standing, "0.6,0,0.7"),
+        (read_bound, "cup"),
+        (read_bound, "first=cup"),
+        (read_bound, "1=cop"),
+        (read_knock, "1,0.2"),
         (read_push, "1,0.2,0,0"),
     ],
 )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sarif_pydantic
 from junitparser import Error, Failure, JUnitXml
 
+from skillctl import store
 from skillctl.compose.options import CombineOptions
 from skillctl.store.source import open_skill
 from skillctl.usecases.combine import combine
@@ -224,3 +226,45 @@ def test_without_demonstrations_or_a_proof_nothing_is_bounded(run, library, tmp_
     longer = run("verify-stability", bare, "--start-box", "0,0", "--stay-in", ":,:", "--period", "1000")
     assert longer.exit_code == 1
     assert "no bound of their way is proved" in longer.stdout
+
+
+def test_golden_motions_are_required_and_reported(run, library, tmp_path):
+    report = tmp_path / "r.xml"
+    options = ["--golden", "--store", library, "--report", f"junit={report}"]
+    result = run("verify-stability", "curve", *options)
+    assert result.exit_code == 0
+    assert "is 0 m, where" in result.stdout
+    names = [case.name for case in next(iter(JUnitXml.fromfile(str(report))))]
+    assert names == ["curve@1", "curve@1: golden motions"]
+    (verdict,) = json.loads(run("verify-stability", "curve", *options, "--json").stdout)["skills"]
+    assert verdict["golden"]["agrees"] is True
+    assert verdict["golden"]["largest"] == 0
+    assert (
+        json.loads(run("verify-stability", "curve", "--store", library, "--json").stdout)["golden"] is False
+    )
+
+
+def test_golden_motions_that_are_missed_are_not_proved(run, library, tmp_path):
+    artifact = open_skill("curve", library).artifact
+    states = artifact.golden.states.copy()
+    states[1, 7, 0] += 3e-6
+    (tmp_path / "other.h5").write_bytes(
+        store.encode(replace(artifact, golden=replace(artifact.golden, states=states)))
+    )
+    result = run(
+        "verify-stability", tmp_path / "other.h5", "--golden", "--report", f"junit={tmp_path / 'r.xml'}"
+    )
+    assert result.exit_code == 1
+    assert "It does not agree with its golden motions" in result.stdout
+    assert "3e-06 m, where" in " ".join(result.stdout.split())
+    (suite,) = JUnitXml.fromfile(str(tmp_path / "r.xml"))
+    assert (suite.tests, suite.failures) == (2, 2)
+    assert run("verify-stability", tmp_path / "other.h5").exit_code == 0
+
+
+def test_without_golden_motions_it_is_open_whether_they_agree(run, library, tmp_path):
+    artifact = open_skill("curve", library).artifact
+    (tmp_path / "old.h5").write_bytes(store.encode(replace(artifact, golden=None)))
+    result = run("verify-stability", tmp_path / "old.h5", "--golden")
+    assert result.exit_code == 3
+    assert "It holds no golden motions" in result.stdout

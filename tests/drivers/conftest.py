@@ -14,7 +14,6 @@ from skillctl.drivers.driver import Measured, Setup
 from skillctl.drivers.fake import FakeArm
 from skillctl.drivers.loop import Loop
 from skillctl.drivers.options import RunOptions
-from skillctl.model.controller import Controller
 
 
 @dataclass
@@ -76,7 +75,7 @@ def lead():
         chosen = RunOptions(**options)
         start = skill.space.measured(start)
         driver = Probe(Setup("", skill, chosen.period, start=start), hooks or Hooks())
-        loop = Loop(driver, Controller(skill, driver.period), chosen)
+        loop = Loop(driver, skill, chosen)
         loop.connect()
         ending = loop.drive([] if stopped is None else stopped)
         return SimpleNamespace(ending=ending, loop=loop, rows=loop.rows, driver=driver)

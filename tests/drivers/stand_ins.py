@@ -88,7 +88,7 @@ def franky() -> ModuleType:
         "franky",
         Robot=Robot,
         Gripper=FrankaGripper,
-        RealtimeConfig=SimpleNamespace(Ignore="ignore"),
+        RealtimeConfig=SimpleNamespace(Ignore="ignore", Enforce="enforce"),
         Twist=lambda linear_velocity=None, angular_velocity=None: (linear_velocity, angular_velocity),
         Duration=lambda milliseconds: milliseconds,
         CartesianVelocityMotion=lambda target, duration=1000: ("velocity", target, duration),

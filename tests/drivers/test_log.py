@@ -73,6 +73,19 @@ def test_a_log_of_the_simulator_can_be_replayed(library, tmp_path):
     assert report.period == pytest.approx(1 / 240, rel=1e-5)
 
 
+def test_a_simulated_pose_is_read_with_its_orientation(tmp_path, make_grasp):
+    space = make_grasp().space
+    poses = space.displace(np.zeros(6), np.random.default_rng(2).normal(0, 0.4, (5, 6)))
+    with h5py.File(tmp_path / "s.h5", "w") as log:
+        log["t"] = np.arange(5) / 240
+        given = np.array([space.given(pose) for pose in poses])
+        for name, column in zip(("x", "y", "z", "qx", "qy", "qz", "qw"), given.T, strict=True):
+            log[f"hand_{name}"] = column
+    recorded = read_log(tmp_path / "s.h5", space)
+    np.testing.assert_allclose(recorded.states, poses, atol=1e-14)
+    assert recorded.commands is None
+
+
 def damaged(path, how):
     """Spoil a log."""
     if how == "cut":
@@ -93,9 +106,31 @@ def damaged(path, how):
         elif how == "group":
             del log["t"]
             log.create_group("t")
+        elif how == "scalar":
+            del log["t"]
+            log["t"] = 1.0
+        else:
+            rest = log[how][1:]
+            del log[how]
+            log[how] = rest
 
 
-@pytest.mark.parametrize("how", ["cut", "without states", "text", "shorter", "backwards", "group"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "cut",
+        "without states",
+        "text",
+        "shorter",
+        "backwards",
+        "group",
+        "scalar",
+        "t",
+        "state",
+        "command",
+        "resting",
+    ],
+)
 def test_a_damaged_log_is_refused_in_words(logged, library, tmp_path, how):
     (path := tmp_path / "bad.h5").write_bytes(logged[1].read_bytes())
     damaged(path, how)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from skillctl.drivers.options import RunOptions
 from skillctl.errors import GoalNotReachedError, NotFoundError, StateError, UsageError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
+from skillctl.model.limits import Limits
 from skillctl.model.pose import Pose
 from skillctl.model.space import Euclidean
 
@@ -51,10 +53,10 @@ def test_the_hand_arrives_along_the_skill_and_rests_within_the_limits(lead, posi
     assert np.linalg.norm(run.loop.state - positions.attractor) < 0.002
     speeds = np.linalg.norm(run.rows.command, axis=1)
     assert (speeds <= SPEED * (1 + ROUNDING)).all()
-    # It begins at rest, and is brought to rest.
-    assert speeds[0] <= ACCELERATION * PERIOD * (1 + ROUNDING)
-    assert (np.diff(speeds[led]) <= ACCELERATION * PERIOD * (1 + ROUNDING)).all()
-    assert (np.abs(np.diff(speeds[~led])) <= ACCELERATION * PERIOD * (1 + ROUNDING)).all()
+    # It begins at rest and is brought to rest; no command differs from the one before by more than a Δt.
+    changes = np.diff(run.rows.command, axis=0, prepend=0)
+    assert (np.linalg.norm(changes, axis=1) <= ACCELERATION * PERIOD * (1 + ROUNDING)).all()
+    assert (run.rows.command[-1] == 0).all()
     assert (run.driver.commands[-1] == 0).all()
     for state, command in zip(run.rows.state[led], run.rows.command[led], strict=True):
         wanted = positions.velocity(state)
@@ -66,11 +68,16 @@ def test_the_hand_arrives_along_the_skill_and_rests_within_the_limits(lead, posi
 def test_poses_keep_both_speeds_and_arrive_in_both(lead, make_grasp):
     skill = make_grasp()
     start = skill.space.placed(np.array([-0.2, 0.2, 0.1, 0.1, -0.1, 0.15]), skill.attractor)
-    run = lead(skill, start, max_speed=0.1, max_turn=0.3)
+    accelerations = {"max_acceleration": 0.5, "max_turn_acceleration": 0.8}
+    run = lead(skill, start, max_speed=0.1, max_turn=0.3, **accelerations)
     assert run.ending.outcome == "arrived"
     moving, turning = skill.space.magnitudes(run.rows.command)
     assert moving.max() <= 0.1 * (1 + ROUNDING)
     assert turning.max() <= 0.3 * (1 + ROUNDING)
+    changes = np.diff(run.rows.command, axis=0, prepend=0)
+    moving, turning = skill.space.magnitudes(changes)
+    assert moving.max() <= 0.5 * PERIOD * (1 + ROUNDING)
+    assert turning.max() <= 0.8 * PERIOD * (1 + ROUNDING)
     moved, turned = skill.space.apart(run.loop.state, skill.attractor)
     assert (moved < 0.002, turned < 0.035) == (True, True)
 
@@ -88,18 +95,38 @@ def test_what_takes_too_long_is_ended_at_rest(lead, positions):
     assert (run.driver.commands[-1] == 0).all()
 
 
-@pytest.mark.parametrize("acceleration", [0.2, 5.0])
-def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, acceleration):
+@pytest.mark.parametrize(("axis", "side"), [("z", 1), ("x", -1)])  # the way leads down, and to larger x
+@pytest.mark.parametrize(("acceleration", "jerk"), [(0.2, None), (5.0, None), (1.0, 10.0)])
+def test_the_hand_comes_to_rest_within_its_box(monkeypatch, positions, axis, side, acceleration, jerk):
     monkeypatch.setattr(fake, "LAG", 1e-9)  # the way that a robot lags behind is its own
     arm = FakeArm(Setup("", positions, start=np.array(START)))
-    limits = RunOptions(box=((-9.0, 9.0), (-9.0, 9.0), (0.45, 9.0)), max_acceleration=acceleration)
-    # Not connected, which would refuse the target: it is below the box.
-    loop = Loop(arm, Controller(positions, PERIOD), limits)
+    ranges = dict.fromkeys("xyz", (-9.0, 9.0)) | {axis: (0.45, 9.0) if side > 0 else (-9.0, 0.45)}
+    limits = RunOptions(box=tuple(ranges.values()), max_acceleration=acceleration, max_jerk=jerk)
+    # Not connected, which would refuse the target: it is outside the box.
+    loop = Loop(arm, positions, limits)
     assert loop.drive([]).outcome == "left the box"
     arm.wait(arm.now() + 1.0)
-    assert min(loop.rows.state[:, 2]) >= 0.45
-    # And not much before: a period of the largest speed is what it is judged by.
-    assert 0.45 <= arm.state().numbers[2] < 0.45 + 2 * PERIOD * 0.25
+    index = "xyz".index(axis)
+    within = side * (loop.rows.state[:, index] - 0.45)
+    assert within.min() >= 0
+    # And not much before: by the margin, and by as much as the place of rest moves by one command.
+    fastest = 0.25 + acceleration * PERIOD + (acceleration**2 / jerk if jerk else 0.0)
+    assert 0 <= side * (arm.state().numbers[index] - 0.45) < 4 * PERIOD * fastest
+
+
+@pytest.mark.parametrize("jerk", [np.inf, 10.0])
+@pytest.mark.parametrize("steps", [1, 5, 60])
+def test_the_place_of_rest_is_where_braking_leads(positions, jerk, steps):
+    controller = Controller(positions, PERIOD, limits=Limits(0.25, 1.0, jerk))
+    assert controller.rest is None
+    state = np.array(START)
+    for _ in range(steps):
+        state = state + PERIOD * controller.step(state)
+    rest = controller.rest
+    while not controller.resting:
+        state = state + PERIOD * controller.brake()
+    np.testing.assert_allclose(rest, state, atol=ROUNDING)
+    np.testing.assert_allclose(controller.rest, state, atol=ROUNDING)
 
 
 def test_a_start_or_target_outside_the_box_moves_nothing(lead, positions):
@@ -174,7 +201,8 @@ def test_steps_of_exactly_what_is_proved_are_not_late(lead, positions):
 
 
 @pytest.mark.parametrize(
-    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("number", "outcome"),
+    [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"), (signal.SIGHUP, "terminated")],
 )
 def test_a_signal_slows_the_hand_down(lead, make_probe, positions, number, outcome):
     def interrupted(step, measured):
@@ -194,6 +222,30 @@ def test_a_signal_slows_the_hand_down(lead, make_probe, positions, number, outco
     assert (np.diff(speeds[resting]) < 0).all()
     assert (np.abs(np.diff(speeds))[~resting[:-1]] <= 1.0 * PERIOD * (1 + 1e-6)).all()
     assert speeds[-1] == 0
+
+
+def test_who_asks_for_no_hangups_gets_none():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with heeded() as stopped:
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert stopped == []
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_no_signal_is_heeded_outside_the_main_thread():
+    seen = []
+
+    def elsewhere():
+        with heeded() as stopped:
+            seen.append(stopped)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert seen == [[]]
 
 
 def test_a_second_signal_stops_at_once(lead, make_probe, positions):

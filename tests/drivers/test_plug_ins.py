@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillctl.drivers import registry
+from skillctl.drivers import franky, registry
 from skillctl.drivers.driver import Driver, Setup
 from skillctl.drivers.franky import FrankaArm
 from skillctl.drivers.registry import driver_class, known
@@ -114,7 +114,8 @@ def test_an_arm_without_an_address_is_refused(library, positions, driver):
         driver(setup(positions, ""))
 
 
-def test_franky_is_given_twists_that_end_by_themselves(library, positions):
+def test_franky_is_given_twists_that_end_by_themselves(library, monkeypatch, tmp_path, positions):
+    monkeypatch.setattr(franky, "REALTIME", tmp_path / "no")
     arm = FrankaArm(setup(positions))
     assert arm.state().numbers == (0.4, 0.1, 0.3, 1.0, 0.0, 0.0, 0.0)
     assert arm.state().stamp != arm.state().stamp
@@ -131,6 +132,19 @@ def test_franky_is_given_twists_that_end_by_themselves(library, positions):
     ]
 
 
+def test_slow_commands_hold_for_longer(library, positions):
+    FrankaArm(setup(positions, period=0.06)).command(TWIST)
+    assert library.CALLS[-1] == ("move", "velocity", (TWIST[:3], TWIST[3:]), 180)
+    UniversalRobot(setup(positions, period=0.06))
+    assert library.CALLS[-1] == ("setWatchdog", pytest.approx(1 / 0.18))
+
+
+def test_franky_is_urgent_where_the_kernel_can_be(library, monkeypatch, tmp_path, positions):
+    monkeypatch.setattr(franky, "REALTIME", tmp_path)
+    FrankaArm(setup(positions))
+    assert library.CALLS == [("Robot", "10.0.0.2", "enforce")]
+
+
 def test_franky_closes_and_opens_its_fingers(library, positions):
     arm = FrankaArm(setup(positions))
     assert [arm.event("close") for _ in range(3)] == [True, True, False]
@@ -144,12 +158,12 @@ def test_franky_closes_and_opens_its_fingers(library, positions):
 
 
 def test_franky_that_does_not_answer_is_no_robot(library, monkeypatch, positions):
-    franky = library.MODULES["franky"]
+    module = library.MODULES["franky"]
 
     def refuse(*_, **__):
-        raise franky.NetworkException("connection timed out")
+        raise module.NetworkException("connection timed out")
 
-    monkeypatch.setattr(franky, "Robot", refuse)
+    monkeypatch.setattr(module, "Robot", refuse)
     with pytest.raises(NotFoundError, match=r"no Franka arm answers at 10\.0\.0\.2: connection timed out"):
         FrankaArm(setup(positions))
 

@@ -31,6 +31,12 @@ def shown_to(skill: Any, count: int = 3, reach: float = 0.2) -> DemonstrationSet
     return DemonstrationSet(tuple(members), skill.space)
 
 
+@pytest.fixture(scope="session")
+def show_to() -> Callable[..., DemonstrationSet]:
+    """Return a maker of demonstrations for a skill."""
+    return shown_to
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _coarse_grids() -> Iterator[None]:
     """Draw fewer points and streamlines than users get: the same artists in a third of the time."""

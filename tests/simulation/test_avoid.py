@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has wheels for CPython 3.10 and 3.11 on Linux x86_64 only")
 
 from skillctl.errors import UsageError
+from skillctl.model.chained import ChainedSkill
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.avoid import MARGIN, avoidance, hand_shape
@@ -166,3 +167,29 @@ def test_a_skill_among_a_scene_is_at_its_target_and_in_its_coordinates(linear):
     assert [body.name for body, _ in among.others] == ["rear panel"]
     with pytest.raises(UsageError, match="nothing in it"):
         among_scene(linear((0.5, 0.0, 0.5)), Scenario())
+
+
+def chain_of(linear, *targets):
+    """Return a chain that closes the fingers after its first stage and opens them after the last but one."""
+    events = (("close",), *[()] * (len(targets) - 3), ("open",), ())
+    return ChainedSkill(parts=tuple(map(linear, targets)), levels=np.full(len(targets), 1e-4), events=events)
+
+
+def test_a_cup_in_the_hand_is_kept_out_of_the_boards_too(twin, linear):
+    bind = {"1": "cup", "3": "place"}
+    scenario = Scenario(scene=Shelf(), cup={"position": (0.62, 0.1), "board": "bottom"}, bind=bind)
+    cup, above = cup_middle(scenario), np.array([0.62, -0.2, 0.70 + 0.06 + 0.008])
+    home = (0.4, 0.0, 0.55)
+    chain = chain_of(linear, tuple(cup), home, tuple(above), home)
+    kept = avoidance(scenario, HERE, twin).applied(chain, np.zeros(3))
+    names = [part.coordinates.links[0].names for part in kept.parts]
+    assert names[0] == ("lower board", "upper board", "sides of the cup", "sides of the cup")
+    assert names[1] == ("upper board",)  # the cup stands on the lower one
+    assert names[2] == names[3] == ("lower board", "upper board")
+    # Fingers reach 1 cm ahead of the hand's point, the cup in them 3.2 cm: 8 + 3 mm stay free of either.
+    before_edge = np.array([0.5 - 0.032 - 0.008 + 0.005, -0.2, 0.69])
+    carrying, empty = (
+        part.coordinates.links[0].gauges[1].values((before_edge - part.attractor)[None])[0]
+        for part in kept.parts[2:]
+    )
+    assert carrying < 1 < empty

@@ -11,12 +11,13 @@ import pytest
 from skillctl.model.seds import SedsSkill
 from skillctl.model.space import Euclidean
 from skillctl.simulation.arm import CONTROL_PERIOD, Tracking
+from skillctl.simulation.disturbances import MoveTarget
 from skillctl.simulation.ik import Solution
 from skillctl.simulation.judge import Judge, Verdict
 from skillctl.simulation.motion import Motion, Plan
 from skillctl.simulation.placement import Placement
 from skillctl.simulation.position import Follower
-from skillctl.simulation.scenario import MoveTarget, Scenario
+from skillctl.simulation.scenario import Scenario
 
 MakeLinear = Callable[..., SedsSkill]
 FORWARD = np.array([0.24, 0.0, 0.0])  # [m/s]: 1 mm per period

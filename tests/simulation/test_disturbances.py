@@ -7,10 +7,19 @@ import pytest
 
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.seds import SedsSkill
-from skillctl.simulation.disturbances import Perception, Schedule, jumped, last_end
+from skillctl.simulation.disturbances import (
+    Displace,
+    Knock,
+    MoveTarget,
+    Push,
+    Schedule,
+    jumped,
+    last_end,
+)
 from skillctl.simulation.motion import Motion
+from skillctl.simulation.perception import Perception
 from skillctl.simulation.placement import Placement
-from skillctl.simulation.scenario import Displace, MoveTarget, Push, Scenario
+from skillctl.simulation.scenario import Scenario
 
 MakeLinear = Callable[..., SedsSkill]
 HERE = Placement(np.eye(3), np.zeros(3), 1.0, None)
@@ -88,3 +97,13 @@ def test_when_the_target_jumps_a_latched_skill_may_choose_again(linear: MakeLine
     motion.move(np.array([0.0, 0.06, 0.0]))
     motion.velocity(position)
     assert motion.part == 1
+
+
+def test_a_knock_is_due_once_as_long_after_the_cup_was_taken_as_it_says() -> None:
+    schedule = Schedule((Knock(time=0.5, offset=(0.1, 0.0, 0.0)), Knock(time=1.5, offset=(0.0, 0.2, 0.0))))
+    assert list(schedule.due(9.0)) == []  # it is none of the jumps at a time of the episode
+    assert schedule.knocked(0.499) is None
+    assert schedule.knocked(0.5) == pytest.approx([0.1, 0, 0], abs=0)
+    assert schedule.knocked(1.499) is None
+    assert schedule.knocked(1.5) == pytest.approx([0, 0.2, 0], abs=0)
+    assert schedule.knocked(9.0) is None

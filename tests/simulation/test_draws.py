@@ -10,8 +10,10 @@ pytest.importorskip("pydantic")
 from skillctl.errors import UsageError
 from skillctl.model.demonstration import Demonstration, DemonstrationSet
 from skillctl.model.seds import SedsSkill
+from skillctl.simulation.disturbances import Knock
 from skillctl.simulation.draws import Taught, batch_of, chosen, drawn, with_defaults
 from skillctl.simulation.scenario import Cup, Sampling, Scenario, Shelf
+from skillctl.simulation.taking import Destination
 
 STARTS = np.array([[0.4, -0.2, 0.5], [0.4, 0.3, 0.6]])
 NONE = np.zeros((0, 3))
@@ -210,3 +212,27 @@ def test_an_episode_is_drawn_from_what_was_taught(skill: SedsSkill, taught: Taug
 def test_a_skill_without_demonstrations_has_no_starts(skill: SedsSkill) -> None:
     batch, starts = batch_of(skill, [None], Scenario())
     assert (batch, starts.shape) == (Scenario(), (0, 3))
+
+
+def test_places_and_knocks_are_drawn_and_change_nothing_else() -> None:
+    knock = Knock(time=9.0, offset=(0.1, 0.0, 0.0))
+    scenario = shelf(cup_y_range=(-0.4, 0.4)).changed(
+        place=Destination(board="bottom"), disturbances=(knock,)
+    )
+    ranges = {"place_x_range": (0.55, 0.6), "place_y_range": (-0.3, 0.3), "knock_time_range": (1.0, 2.0)}
+    sampling = Sampling(cup_y_range=(-0.4, 0.4), **ranges)
+    for index in range(20):
+        plain, more = (drawn(each, index, NONE) for each in (scenario, scenario.changed(sampling=sampling)))
+        assert (plain.place, plain.disturbances) == (
+            Destination(board="bottom", position=(0.62, 0.0)),
+            (knock,),
+        )
+        assert more.place is not None
+        assert more.place.board == "bottom"
+        assert 0.55 <= more.place.place[0] <= 0.6
+        assert -0.3 <= more.place.place[1] <= 0.3
+        (drawn_knock,) = more.disturbances
+        assert isinstance(drawn_knock, Knock)
+        assert 1.0 <= drawn_knock.time <= 2.0
+        assert drawn_knock.offset == knock.offset
+        assert (more.cup, more.start, more.seed) == (plain.cup, plain.start, plain.seed)

@@ -24,6 +24,7 @@ from skillctl.model.seds import SedsSkill
 from skillctl.simulation.arm import ArmBody
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.check import check
+from skillctl.simulation.disturbances import Displace
 from skillctl.simulation.draws import TURN_SCATTER, chosen
 from skillctl.simulation.episode import Episode, RefusedError
 from skillctl.simulation.ik import POSE_ANGLE, POSE_POSITION, Kinematics
@@ -31,7 +32,7 @@ from skillctl.simulation.picture import encode_picture
 from skillctl.simulation.prepare import prepare
 from skillctl.simulation.recording import encode_log
 from skillctl.simulation.run import simulate
-from skillctl.simulation.scenario import Cup, Displace, Sampling, Scenario, Shelf
+from skillctl.simulation.scenario import Cup, Sampling, Scenario, Shelf
 from tests.simulation.test_ik import panda_hand
 
 TARGET = (0.58, 0.2, 0.55)

@@ -1,9 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 from scipy import stats
 
-from skillctl.simulation.tally import wilson_interval
+from skillctl.simulation.batch import Row
+from skillctl.simulation.episode import Metrics
+from skillctl.simulation.scenario import Scenario
+from skillctl.simulation.tally import LostCups, lost_cups, wilson_interval
 
 
 @pytest.mark.parametrize(
@@ -28,3 +33,16 @@ def test_the_ends_are_exact_and_nothing_says_nothing() -> None:
     assert wilson_interval(0, 7)[0] == 0.0
     assert wilson_interval(7, 7)[1] == 1.0
     assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_lost_cups_are_counted_once_an_episode() -> None:
+    def row(success: bool, lost: int, stood: int, tries: int) -> Row:
+        measured = {each.name: 0.0 for each in fields(Metrics)}
+        metrics = Metrics(**{**measured, "cup_lost": lost, "cup_stood": stood, "cup_tries": tries})
+        return Row(0, Scenario(), "placed" if success else "dropped", "", metrics, None)
+
+    nothing_lost, fell, twice = row(True, 0, 0, 1), row(False, 1, 0, 1), row(True, 2, 2, 3)
+    never_again, in_vain = row(False, 1, 1, 1), row(False, 2, 1, 2)
+    refused = Row(0, Scenario(), "unreachable", "", None, None)
+    rows = (nothing_lost, fell, twice, never_again, in_vain, refused)
+    assert lost_cups(rows) == LostCups(episodes=4, stood=3, again=2, succeeded=1)

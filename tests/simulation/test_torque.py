@@ -13,7 +13,7 @@ from skillctl.simulation.arm import ArmBody, ArmState, LiveArm
 from skillctl.simulation.arms import ARMS
 from skillctl.simulation.ik import Kinematics
 from skillctl.simulation.position import PositionArm
-from skillctl.simulation.torque import TorqueArm
+from skillctl.simulation.torque import DAMPING, TorqueArm
 
 RATE, CAP = 2.5, 0.3  # of the straight motion to the target: [1/s], [m/s]
 AtRest = tuple[TorqueArm, np.ndarray]
@@ -140,6 +140,27 @@ def test_a_free_hand_is_held_by_its_posture_alone(begin: Begin) -> None:
     after = run(arm, target, 2.5)
     assert distances(after, target)[-1] < 1e-3
     assert np.abs(after[-1].joints - start).max() < 0.1
+
+
+def test_a_load_that_the_arm_is_told_of_moves_no_hand(begin: Begin) -> None:
+    arm, target = begin()
+    sagged = distances(run(arm, target, 3.0, (0.0, 0.0, -5.0)), target)[-1]
+    arm.load = 5.0
+    held = distances(run(arm, target, 3.0, (0.0, 0.0, -5.0)), target)[-1]
+    # A weight W that it is not told of shifts the hand to about where damping times rate times distance is W;
+    # the posture of an arm has a say in it.
+    assert sagged == pytest.approx(5.0 / (DAMPING * RATE), rel=0.2)
+    assert held < 1e-3
+
+
+def test_a_posture_that_follows_is_that_of_a_stiff_arm(begin: Begin) -> None:
+    arm, target = begin((0.0, 0.15, 0.0))
+    arm.posture_follows = True
+    stiff = arm.state.joints
+    for _ in range(round(3.0 / arm.period)):
+        arm.drive(straight(arm.state.hand, target))
+        stiff = arm.kinematics.follow(arm.state.hand, stiff).joints
+    assert np.abs(arm.state.joints - stiff).max() < 0.02
 
 
 def test_joints_at_their_limit_slow_the_hand_down(begin: Begin) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from skillctl.exact import Dyadic
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.coordinates.chain import Chain, Link
 from skillctl.model.lyapunov import QuadraticForm
@@ -204,3 +205,24 @@ def test_without_a_proof_there_are_no_bounds(make_skill):
     assert reach_of(unstable, [0.0, 0.0], [0.1, 0.1]) is None
     assert reach_of(skill, [0.0, 0.0], [0.1, 0.1], period=np.nextafter(period, 1)) is None
     assert reach_of(skill, [0.0, 0.0], [0.1, 0.1], period=period) is not None
+
+
+def test_of_a_chain_every_stage_begins_where_the_one_before_is_over(make_skill):
+    """ξ̇ = −2 ξ, then −2 (ξ − 1), over within 0.1: from 2 … 3 no motion leaves −3 … 3, nor then −0.1 … 2.1."""
+    rng = np.random.default_rng(0)
+    first, second = (
+        with_one_matrix(make_skill(rng, dimension=1, n_components=1, attractor=[end]), [[-2.0]], [[1.0]])
+        for end in (0.0, 1.0)
+    )
+    chain = ChainedSkill((first, second), [0.01, 0.01], [("wait 0.5",), ()])
+    reach = reach_of(chain, [2.0], [3.0], period=0.1)
+    assert [(part.part, part.level) for part in reach.parts] == [(1, 9.0), (2, pytest.approx(1.21, rel=1e-9))]
+    assert (reach.low, reach.high) == (pytest.approx((-3.0,), rel=1e-9), pytest.approx((3.0,), rel=1e-9))
+    steps = (
+        np.ceil(np.log(3 / 0.1) / 0.18) + 5
+    )  # each of which shrinks |ξ| by e^(−0.18) at least, and the wait
+    assert reach.arrival == pytest.approx(
+        0.1 * steps + np.log(1.1 / reach.arrival_distance) / 1.8 + 0.1, rel=1e-9
+    )
+    assert reach.measured.arrived == reach.measured.starts
+    assert reach.measured.arrival < reach.arrival

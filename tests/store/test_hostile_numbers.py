@@ -19,6 +19,7 @@ NUMBERS = [
     "model/priors", "model/means", "model/covariances", "model/system_matrices", "model/residual_covariances",
     "model/attractors", "model/lyapunov", "model/density_priors", "model/density_means",
     "model/density_covariances", "demonstrations/positions", "demonstrations/times",
+    "golden/times", "golden/states",
 ]  # fmt: skip
 
 

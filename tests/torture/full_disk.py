@@ -1,10 +1,9 @@
-"""A command on a disk that is full from its N-th change on: python full_disk.py N WORDS…"""
+"""A disk that is full from the N-th change of this process on."""
 
 from __future__ import annotations
 
 import errno
 import os
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -29,11 +28,3 @@ def fill_after(changes: int) -> None:
 
     for name in CHANGES:
         setattr(os, name, full(getattr(os, name)))
-
-
-if __name__ == "__main__":
-    fill_after(int(sys.argv[1]))
-    sys.argv = ["skillctl", *sys.argv[2:]]
-    from skillctl.__main__ import main
-
-    main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,9 @@ from independent import Folder
 
 PUBLISHED = re.compile(r"([a-z0-9._-]+@\d+) was published")
 REMOVED = re.compile(r"Removed before that: ([^.]*(?:\.[^ ][^.]*)*)\.")
+UNSTARTED = re.compile(
+    r"^Fatal Python error: init_|in _run_module_as_main\n"
+)  # Python's, before our first line
 MAKING = {"learn", "merge", "combine", "adapt", "chain"}
 # Besides 0: what another process may have removed is not found (4), an alias may protect a version (2), and
 # a lock may be out of date (1). A disk that refuses and a memory that is too small give 8.
@@ -93,6 +97,8 @@ class Promises:
             full: Whether the disk may have been full meanwhile.
         """
         self.commands.append(command)
+        if command.code in (1, -signal.SIGINT) and UNSTARTED.search(command.said):
+            return
         trouble = command.trouble.partition(" ")[0] if command.trouble.startswith("SIG") else command.trouble
         allowed = {0, 4} | ANSWERS.get(command.verb, set()) | ({8} if full else set())
         allowed |= HINDERED.get(trouble, set()) | STOPPED.get(trouble, set())
@@ -100,7 +106,7 @@ class Promises:
             allowed -= {4}
         if command.code not in allowed:
             self.find(f"{command} ended with {command.code}: {command.said[:600]}")
-        if "Traceback" in command.said and command.code != -2:  # Python's own, before our first line
+        if "Traceback" in command.said:
             self.find(f"{command} printed a traceback: {command.said[-600:]}")
         if command.done and command.document is None:
             self.find(f"{command} ended with 0, and its document is none")

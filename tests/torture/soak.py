@@ -11,35 +11,51 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import pkgutil
 import random
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
+import traceback
 from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib import import_module
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from typing import Any, NoReturn
 
+sys.path.insert(0, str(Path(__file__).parents[2]))  # this checkout's package, wherever another is installed
 sys.path.insert(0, str(Path(__file__).parent))
 
+import full_disk
 import specimens
 from independent import Broken, read_artifact, read_store
-from promises import Command, Promises
+from promises import MAKING, Command, Promises
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
+import skillctl
+from skillctl.__main__ import main as main_of_skillctl
+
+ROOT = Path(__file__).parents[2]
+Pipe, Process = get_context("fork").Pipe, get_context("fork").Process
 LEARNED = {"a": ((0.2, 0.1), (0.0, 0.06), (0.0, 0.0)), "b": ((-0.1, -0.2), (0.08, 0.0), (0.1, 0.05))}
-NAMES = (*LEARNED, "both", "either", "task")
+NAMES = (*LEARNED, "both", "either", "course", "task")
 ALIASES = ("release", "next")
 VERBS = {
-    "learn": 8, "merge": 4, "combine": 4, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2, "lock": 3,
-    "ls": 3, "log": 2, "inspect": 2, "export": 3, "verify-stability": 2, "diff": 1,
+    "learn": 8, "merge": 4, "combine": 4, "chain": 3, "adapt": 2, "tag": 5, "untag": 2, "rm": 2, "gc": 2,
+    "lock": 3, "ls": 3, "log": 2, "inspect": 2, "export": 3, "verify-stability": 2, "diff": 1,
 }  # fmt: skip
 TROUBLES = {
     "": 16, "SIGKILL": 4, "SIGTERM": 3, "SIGINT": 2, "full disk": 4, "small files": 2, "little memory": 3,
 }  # fmt: skip
+
+
+WHOLE = ("", "SIGKILL", "SIGTERM", "SIGINT")  # also of a Python that starts
 
 
 @dataclass
@@ -57,7 +73,6 @@ class Soak:
     seed: int
     promises: Promises = field(default_factory=Promises)
     seen: Counter[str] = field(default_factory=Counter)
-    lock: threading.Lock = field(default_factory=threading.Lock)
     full: bool = False
 
     @property
@@ -81,21 +96,35 @@ class Soak:
             self.run(first, random.Random(), self.folder)
             self.promises.judge(first, full=False)
 
-    def use(self, user: int, until: float) -> None:
-        """Run commands one after the other."""
+    def use(self, user: int, until: float, tell: Connection) -> None:
+        """Run commands one after the other, and tell of each, and of files that are not whole."""
         rng = random.Random(f"{self.seed}/{user}/{until}")
         own = self.folder / f"user-{user}"
         own.mkdir(exist_ok=True)
         while time.monotonic() < until:
             words, name, note = self.chosen(rng, user)
             command = Command(words, name, note, rng.choices(list(TROUBLES), list(TROUBLES.values()))[0])
-            self.run(command, rng, own)
-            with self.lock:
+            whole = command.trouble in WHOLE and rng.random() < 0.1
+            self.run(command, rng, own, whole=whole)
+            tell.send((command, list(broken_files(own, command))))
+        tell.send(None)
+
+    def told(self, users: Sequence[Connection]) -> None:
+        """Take note of all that users tell, until each has stopped."""
+        going = list(users)
+        while going:
+            for each in wait(going):
+                assert isinstance(each, Connection)
+                if (said := each.recv()) is None:
+                    going.remove(each)
+                    continue
+                command, broken = said
                 self.promises.judge(command, self.full)
+                for finding in broken:
+                    self.promises.find(finding)
                 self.seen[command.verb] += 1
                 self.seen[f"in trouble: {command.trouble}"] += bool(command.trouble)
                 self.seen[f"exit code {command.code}"] += 1
-                self.look_at_files(own, command)
 
     def chosen(self, rng: random.Random, user: int) -> tuple[list[str], str, str]:
         """Return a command, the skill that it changes, and the note of the one that it makes."""
@@ -104,11 +133,12 @@ class Soak:
         new = ["-m", note]
         alias, version = rng.choice(ALIASES), f"{name}@{self.number(rng, name)}"
         a, b = (self.reference(rng, each) for each in rng.sample(NAMES[:3], 2))
-        if verb in ("learn", "merge", "combine", "adapt") and rng.random() < 0.2:
+        if verb in MAKING and rng.random() < 0.2:
             target = ["-o", f"{rng.choice('xyz')}.h5"]
             published = ""
         else:
-            made = {"learn": rng.choice(list(LEARNED)), "merge": "both", "combine": "either", "adapt": "task"}
+            made = {"merge": "both", "combine": "either", "chain": "course", "adapt": "task"}
+            made["learn"] = rng.choice(list(LEARNED))
             target = ["--name", published := made.get(verb, "")]
         data = [f"{self.inputs / f'{published or name}-{i}.csv'}" for i in range(2)]
         if verb == "learn" and not published:
@@ -117,6 +147,7 @@ class Soak:
             "learn": [*data, "--preset", "fast", "--components", "2", *new, *target],
             "merge": [a, b, *new, *target],
             "combine": [a, b, *new, *target],
+            "chain": [a, b, "--event", "1:close", *new, *target],
             "adapt": [f"{self.inputs / 'task.toml'}", a, b, "--anyway", *new, *target],
             "tag": [version, alias],
             "untag": [name, alias],
@@ -147,53 +178,34 @@ class Soak:
     def reference(self, rng: random.Random, name: str) -> str:
         return rng.choice((name, name, f"{name}@{self.number(rng, name)}", f"{name}@{rng.choice(ALIASES)}"))
 
-    def run(self, command: Command, rng: random.Random, own: Path) -> None:
-        """Run a command in its trouble, and note how it ended."""
-        program = ["-m", "skillctl"]
-        limit = ""
-        if command.trouble == "full disk":
-            program = [f"{HERE / 'full_disk.py'}", f"{rng.randint(0, 9)}"]
-        elif command.trouble == "small files":
-            limit = f"ulimit -f {rng.randint(0, 40)}; "  # [KiB]
-        elif command.trouble == "little memory":
-            limit = f"ulimit -v {rng.randint(80, 500) << 10}; "  # [KiB]
-        line = [sys.executable, *program, *command.words, "--json"]
-        environment = {**os.environ, "PYTHONPATH": f"{ROOT}", "SKILLCTL_STORE": f"{self.store}"}
+    def run(self, command: Command, rng: random.Random, own: Path, *, whole: bool = False) -> None:
+        """Run a command in its trouble, and note how it ended.
+
+        Args:
+            command: It has not begun.
+            rng: Decides the trouble.
+            own: The directory it runs in, beside which its output is kept.
+            whole: Start a Python of its own; else it is a copy of this process, which has loaded everything.
+        """
+        output = [self.inputs / f"{own.name}.{stream}" for stream in ("out", "err")]
         command.began = time.monotonic()
-        process = subprocess.Popen(
-            ["bash", "-c", f'{limit}exec "$@"', "-", *line],
-            cwd=own,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        with output[0].open("wb") as out, output[1].open("wb") as err:
+            if whole:
+                line = [sys.executable, "-m", "skillctl", *command.words, "--json"]
+                environment = {**os.environ, "PYTHONPATH": f"{ROOT}", "SKILLCTL_STORE": f"{self.store}"}
+                process = subprocess.Popen(line, cwd=own, env=environment, stdout=out, stderr=err).pid
+            elif not (process := os.fork()):
+                become(command, self.store, own, (out.fileno(), err.fileno()), rng)
         if command.trouble.startswith("SIG"):
-            time.sleep(rng.uniform(0, 2.0) ** 2 / 2)  # mostly while it runs
-            process.send_signal(getattr(signal, command.trouble))
-        try:
-            printed, command.said = process.communicate(timeout=300)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            printed, command.said = process.communicate()
-            command.said = f"did not end within 300 s. {command.said}"
-        command.ended, command.code = time.monotonic(), process.returncode
+            time.sleep(rng.uniform(0, 2.0 if whole else 1.0) ** 2 / 2)  # mostly while it runs
+            os.kill(process, getattr(signal, command.trouble))
+        command.code = ended(process)
+        command.ended = time.monotonic()
+        printed, command.said = (path.read_text(errors="replace") for path in output)
         try:
             command.document = json.loads(printed)
         except ValueError:
             command.document = None
-
-    def look_at_files(self, own: Path, command: Command) -> None:
-        """Look at the files that a user writes beside the store: each is whole, with nothing beside it."""
-        for path in own.iterdir():
-            if path.name.endswith(".tmp") and command.code == -signal.SIGKILL:
-                path.unlink()
-                continue
-            try:
-                require_whole(path)
-            except Exception as error:  # of whichever reader
-                self.promises.find(f"{command} left {path}: {error!r}")
-                path.unlink()
 
     def look(self) -> None:
         """Look at the store, to which nobody is writing."""
@@ -219,10 +231,64 @@ class Soak:
                 with ballast.open("wb", buffering=0) as file:
                     while file.write(bytes(1 << rng.randint(10, 16))):
                         pass
-            except OSError:
-                self.seen["times the disk was full"] += 1
+            except OSError:  # it is full
+                pass
             time.sleep(rng.uniform(0.2, 2.0))
             ballast.unlink()
+
+
+def become(command: Command, store: Path, own: Path, output: tuple[int, int], rng: random.Random) -> NoReturn:
+    """Be the process of a command from here on, and end as it."""
+    code: Any = 70
+    try:
+        for descriptor, stream in zip(output, (1, 2), strict=True):
+            os.dup2(descriptor, stream)
+        os.chdir(own)
+        os.environ["SKILLCTL_STORE"] = str(store)
+        if command.trouble == "full disk":
+            full_disk.fill_after(rng.randint(0, 9))
+        elif command.trouble == "small files":
+            resource.setrlimit(resource.RLIMIT_FSIZE, (rng.randint(0, 40) << 10,) * 2)
+        elif command.trouble == "little memory":
+            taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (taken + (rng.randint(0, 32) << 20),) * 2)
+        sys.argv = ["skillctl", *command.words, "--json"]
+        main_of_skillctl()
+        code = 0
+    except SystemExit as stop:
+        code = stop.code or 0
+    except KeyboardInterrupt:  # before the first line of the command
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGINT)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def ended(process: int) -> int:
+    """Wait for a process, and kill it after five minutes; return its exit code, or minus its signal."""
+    patience = time.monotonic() + 300
+    while not (status := os.waitpid(process, os.WNOHANG))[0]:
+        if time.monotonic() > patience:
+            os.kill(process, signal.SIGKILL)
+        time.sleep(0.01)
+    return os.waitstatus_to_exitcode(status[1])
+
+
+def broken_files(own: Path, command: Command) -> Iterator[str]:
+    """Look at the files that a user writes beside the store: each is whole, with nothing beside it."""
+    for path in own.iterdir():
+        if path.name.endswith(".tmp") and command.code == -signal.SIGKILL:
+            path.unlink()
+            continue
+        try:
+            require_whole(path)
+        except Exception as error:  # of whichever reader
+            yield f"{command} left {path}: {error!r}"
+            path.unlink()
 
 
 def require_whole(path: Path) -> None:
@@ -259,15 +325,24 @@ def soak(folder: Path, seconds: float, users: int, seed: int, pause: float, *, f
         soak.prepare()
         while (now := time.monotonic()) < end:
             until = min(now + pause, end)
-            working = [threading.Thread(target=soak.use, args=(user, until)) for user in range(users)]
+            pipes = [Pipe(duplex=False) for _ in range(users)]
+            work = [Process(target=soak.use, args=(user, until, pipes[user][1])) for user in range(users)]
             if filled:
-                working.append(threading.Thread(target=soak.fill, args=(until,)))
-            for each in working:
+                work.append(Process(target=soak.fill, args=(until,)))
+            for each in work:
                 each.start()
-            for each in working:
+            soak.told([receiving for receiving, _ in pipes])
+            for each in work:
                 each.join()
             soak.look()
     return soak
+
+
+def load_everything() -> None:
+    """Import all modules, so that a copy of this process need not."""
+    for module in pkgutil.walk_packages(skillctl.__path__, "skillctl."):
+        with suppress(ImportError):  # of an optional package
+            import_module(module.name)
 
 
 def main() -> int:
@@ -284,6 +359,7 @@ def main() -> int:
         parser.error("--fill needs a --folder on a small file system of its own")
     seconds = 3600 * options.hours if options.seconds is None else options.seconds
     began = time.monotonic()
+    load_everything()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
         done = soak(folder, seconds, options.users, options.seed, options.pause, filled=options.fill)

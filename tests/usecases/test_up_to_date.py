@@ -24,6 +24,7 @@ def skills(tmp_path, library, curve_files, monkeypatch):
 
 MERGE = ["merge", "curve", "hook"]
 COMBINE = ["combine", "curve", "hook"]
+CHAIN = ["chain", "curve", "hook"]
 FIT = ["merge", "curve", "hook", "--fit", "curve-0.csv"]
 SEARCH = ["merge", "--from-store", "--fit", "curve-0.csv"]
 
@@ -62,6 +63,11 @@ def test_the_same_again_is_up_to_date_and_the_file_stays(run, skills, tmp_path, 
         (COMBINE, ["--priors", "2,1"], "part_priors is 2.0,1.0 and was not set"),
         (COMBINE, ["--calibrate"], "calibrate is True and was False"),
         (COMBINE, ["--gate", "instantaneous"], "gate is instantaneous and was latched"),
+        (CHAIN, ["--within", "1mm"], "within is 0.001m and was not set"),
+        (CHAIN, ["--event", "1:close"], "event is 1:close and was not set"),
+        (CHAIN, ["--on-jump", "back"], "on_jump is back and was stay"),
+        (CHAIN, ["--target", "2=0,0.01"], "target is 2=0.0,0.01 and was not set"),
+        (CHAIN, ["--disturbance-distance", "0.1"], "disturbance_distance is 0.1 and was not set"),
         (COMBINE, ["--no-refit"], "refit is False and was not set"),
         (FIT, ["--fit", "curve-1.csv"], "it was made from 1 files, not 2"),
         (FIT, ["--fit-level", "component"], "fit_level is component and was part"),
@@ -74,7 +80,7 @@ def test_every_option_that_decides_is_a_reason(run, skills, command, change, rea
     assert made(run, [*command, *change], "-o", "out.h5") is None
 
 
-@pytest.mark.parametrize("command", [MERGE, COMBINE, FIT], ids=lambda command: " ".join(command[:4]))
+@pytest.mark.parametrize("command", [MERGE, COMBINE, CHAIN, FIT], ids=lambda command: " ".join(command[:4]))
 def test_other_parents_are_a_reason_and_the_same_under_other_names_are_none(run, skills, tmp_path, command):
     made(run, command, "-o", "out.h5")
     shutil.copy(skills.path_of("curve", 1), tmp_path / "copy.h5")
@@ -85,7 +91,7 @@ def test_other_parents_are_a_reason_and_the_same_under_other_names_are_none(run,
     assert "curve@2" in reason or "skills to choose from" in reason
     assert made(run, command, "-o", "out.h5") is None
     (reason,) = made(run, [command[0], "hook", "curve", *command[3:]], "-o", "out.h5")[:1]
-    assert "part 1 is hook@1" in reason or "skills to choose from" in reason
+    assert "1 is hook@1" in reason or "skills to choose from" in reason
 
 
 def test_another_number_of_parents_is_a_reason(run, skills):
@@ -128,7 +134,7 @@ def test_another_version_of_the_program_is_a_reason(run, skills, monkeypatch):
     assert "and this is 9.9.9" in reason
 
 
-@pytest.mark.parametrize("command", [MERGE, COMBINE, FIT], ids=lambda command: " ".join(command[:4]))
+@pytest.mark.parametrize("command", [MERGE, COMBINE, CHAIN, FIT], ids=lambda command: " ".join(command[:4]))
 def test_what_is_up_to_date_is_reported_as_when_it_was_made(run, skills, command):
     import json
 

@@ -53,7 +53,7 @@ class Gauge(Frozen):
         shapes = {"pole": (d,), "frame": (d, d), "below": (groups,), "above": (groups,)}
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), shape))
-        object.__setattr__(self, "inverse", np.asarray(np.linalg.inv(self.frame)))
+        object.__setattr__(self, "inverse", frozen_array("inverse", np.linalg.inv(self.frame), (d, d)))
         sizes = np.maximum(self.below, self.above)
         farthest = self.rounding + math.sqrt(float(sizes @ sizes))
         object.__setattr__(self, "radius", float(np.linalg.norm(self.inverse, 2)) * farthest * (1 + 1e-12))
