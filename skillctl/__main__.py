@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
+import threading
+import time
 import warnings
 
 from skillctl.errors import Terminated
+
+GRACE = 5.0  # [s], for whoever unwinds in order
 
 
 def main() -> None:
@@ -39,6 +44,9 @@ def _run() -> None:
     atexit.register(gc.freeze)  # the last collection of what dies anyway took a quarter of a command's time
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # they speak to developers; tests turn them into errors
+    if isinstance(getattr(sys.stdout, "buffer", None), io.RawIOBase):
+        # PYTHONUNBUFFERED: what does not fit on the disk any more would be lost without an error.
+        sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115 - it lasts, too
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # ξ on a Latin-1 terminal is no reason to stop
@@ -49,6 +57,7 @@ def _run() -> None:
         return
     from skillctl.cli.app import app
 
+    _end_in_time()
     app(prog_name="skillctl")
 
 
@@ -63,6 +72,27 @@ def _fill_descriptors() -> None:
     os.close(descriptor)
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it lasts as long as the program
+
+
+def _end_in_time() -> None:
+    """Let SIGTERM and Ctrl-C end the process after a while, even if Python's handlers have to wait.
+
+    They do for as long as one product of large matrices takes. What is half written then is swept later.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    threading.Thread(target=_end_late, args=(reading,), daemon=True).start()
+
+
+def _end_late(signals: int) -> None:
+    from skillctl.cli.output import Output
+
+    stops = {int(signal.SIGTERM): Terminated, int(signal.SIGINT): KeyboardInterrupt}
+    while (stop := stops.get(os.read(signals, 1)[0])) is None:
+        pass
+    time.sleep(GRACE)
+    os._exit(Output.for_arguments(sys.argv[1:]).fail(stop()))
 
 
 def _terminate(*_: object) -> None:

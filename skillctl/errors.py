@@ -92,6 +92,10 @@ class ArtifactError(SkillctlError):
     """A file that is not an intact skill artifact of a format this build reads."""
 
 
+class ResourceError(SkillctlError):
+    """Memory or time that a computation needs, and that is not there."""
+
+
 class StoreError(SkillctlError):
     """The disk refused: no permission, no space, not a directory."""
 

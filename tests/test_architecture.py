@@ -15,7 +15,7 @@ from skillctl.cli.schema import OUTPUTS, schema_of_output
 
 PACKAGE = Path(skillctl.__file__).parent
 ROOT = PACKAGE.parent
-LEAVES = {"errors", "arrays", "progress", "geometry", "rotations", "opening", "exact", "options"}
+LEAVES = {"errors", "memory", "arrays", "progress", "geometry", "rotations", "opening", "exact", "options"}
 TOOLS = {"workers", "toml_files"}  # how work is done and files are read, whatever they are about
 SIBLINGS = {
     "learning",

@@ -16,13 +16,14 @@ from skillctl.cli.errors import nearest_word, publications
 from skillctl.cli.exit_codes import ExitCode, described
 from skillctl.cli.output import Output
 from skillctl.cli.parameters import expanded
+from skillctl.memory import require_start
 
 # Name → what `skillctl --help` says. The module and its function are the name with underscores.
 COMMANDS = {
     "learn": "Learn a skill from demonstrations.",
     "merge": "Merge skills: all act together on one target.",
     "combine": "Combine skills: where it starts decides which acts.",
-    "chain": "Chain skills: one acts after the other, with events between.",
+    "chain": "Chain skills: one acts after the other.",
     "adapt": "Find a skill for a task: alone, merged or combined.",
     "inspect": "Show what is in a skill.",
     "verify-stability": "Prove that skills reach their target.",
@@ -110,6 +111,8 @@ class CommandGroup(Grouped, TyperGroup):
             hint = nearest_word(name, COMMANDS) or "'skillctl --help' lists the commands."
             raise errors.UsageError(f"No such command: {name}.", hint=hint)
         ctx.obj.command = f"skillctl {name}"
+        if not {"-h", "--help"} & {*args}:
+            require_start()
         return name, load_command(name), args[1:]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import sys
 from collections.abc import Iterable
@@ -24,6 +25,8 @@ REWORDED = (
         r"Nothing more was expected, but there is: \1.",
     ),
 )
+LESS = "Raise the limit (`ulimit -v`), or do less at once: fewer --jobs, --components or demonstrations."
+NO_MEMORY = re.compile("failed to map segment|cannot allocate|can't start new thread|std::bad_alloc", re.I)
 CHOICES = re.compile(r"'(?P<word>[^']*)' is not one of (?P<known>'.*')")
 
 # Typer keeps its parser's usage error private; its public BadParameter is a direct child of it.
@@ -50,6 +53,8 @@ def describe(error: BaseException) -> Failure:
         stopped = "terminated" if isinstance(error, errors.Terminated) else "interrupted"
         done = printable(str(error)) or published()
         return Failure(code, f"{stopped}: {done}." if done else f"{stopped}.")
+    if _for_want_of_memory(error):
+        return Failure(ExitCode.STORE, "there is not enough memory.", LESS)
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return Failure(code, printable(f"{where}{error.strerror or error}."), "Check the path and the disk.")
@@ -58,6 +63,17 @@ def describe(error: BaseException) -> Failure:
         printable(f"internal error ({type(error).__name__}: {error})."),
         "This is a bug in skillctl. Repeat the command with --debug and report what it prints.",
     )
+
+
+def _for_want_of_memory(error: BaseException | None) -> bool:
+    """Tell whether an error comes of a lack of memory, which libraries also say in other ways."""
+    while error is not None:
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+            return True
+        if isinstance(error, ImportError | RuntimeError) and NO_MEMORY.search(str(error)):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def publications() -> list[str]:

@@ -32,7 +32,7 @@ class ExitCode(IntEnum):
     BAD_INPUT = 5, "bad input data", errors.InputDataError, errors.InvalidModelError
     FIT_FAILED = 6, "no acceptable skill", errors.FitError
     REFUSED = 7, "artifact refused", errors.ArtifactError  # corrupt, hostile, of an unsupported version
-    STORE = 8, "store or disk", errors.StoreError, OSError
+    STORE = 8, "store, disk or memory", errors.StoreError, errors.ResourceError, OSError, MemoryError
     INTERNAL = 70, "internal error", Exception
     INTERRUPTED = 130, "interrupted", KeyboardInterrupt
     CLOSED_PIPE = 141, "closed pipe", BrokenPipeError

@@ -13,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
+from skillctl.errors import InputDataError, printable
 from skillctl.model.space import Space
+from skillctl.workers.child import Child
 
 FORMAT = "skillctl run 1"
 NUMBERS = 5  # of a row, before state and command
-LONGEST = 100_000_000  # numbers of one dataset that is read
+WHOLE = ("stage", "part", "resting")  # of these
+HAND = ("hand_x", "hand_y", "hand_z", "hand_qx", "hand_qy", "hand_qz", "hand_qw")  # of `simulate`
+HINT = "A log is written by `run --log F.h5`, or by `simulate --log F.h5`."
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,7 +82,8 @@ def encode(rows: Rows, about: Mapping[str, Any]) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", libver="earliest") as log:
         for field in fields(rows):
-            log.create_dataset(field.name, data=getattr(rows, field.name), track_times=False)
+            kind = np.int32 if field.name in WHOLE else np.float64
+            log.create_dataset(field.name, data=getattr(rows, field.name).astype(kind), track_times=False)
         text = json.dumps({"format": FORMAT, **about}, indent=1)
         log.create_dataset("about", data=np.bytes_(text.encode()), track_times=False)
     return file.getvalue()
@@ -107,36 +112,33 @@ def read_log(path: Path, space: Space) -> Recorded:
         NotFoundError: There is no such file.
         InputDataError: It is no such log, or one of another kind of states.
     """
-    import h5py
-
-    name = printable(str(path))
-    if not path.is_file():
-        raise NotFoundError(f"{name}: there is no such file.", hint="Name a log that `run --log` wrote.")
+    if not (content := read_bytes(path)):
+        raise InputDataError(f"{printable(str(path))} is a folder; a log is one file.", hint=HINT)
+    with Child(LIMITS, NO_PLUGINS) as child:
+        found = File(path, content, None, child).opened(columns_of, "log")
     try:
-        with h5py.File(path, "r") as log:
-            if "state" in log:
-                times, states = _column(log, "t"), _column(log, "state")
-                commands = _column(log, "command")[_column(log, "resting") == 0]
-            else:
-                names = [f"hand_{axis}" for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")]
-                turns = space.positions < space.dimension
-                columns = [_column(log, each) for each in names[: 7 if turns else 3]]
-                states = np.array([space.measured(row) for row in np.column_stack(columns)])
-                times, commands = _column(log, "t"), None
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
-        raise InputDataError(
-            f"{name} is no log of states: {printable(str(error))}.",
-            hint="A log is written by `run --log F.h5`, or by `simulate --log F.h5`.",
-        ) from None
-    if states.shape[1:] != (space.dimension,) or len(times) < 2 or not (np.diff(times) > 0).all():
-        raise InputDataError(
-            f"{name}: expected at least two states of {', '.join(space.names)} at increasing times."
-        )
+        if "state" in found:
+            times, states = found["t"], found["state"]
+            commands = found["command"][found["resting"] == 0]
+        else:
+            turns = space.positions < space.dimension
+            rows = np.column_stack([found[name] for name in HAND[: 7 if turns else 3]])
+            times, states, commands = found["t"], np.array([space.measured(row) for row in rows]), None
+    except (LookupError, ValueError):
+        raise InputDataError(f"{printable(str(path))} is no log of states.", hint=HINT) from None
+    fits = times.ndim == 1 and states.shape == (times.size, space.dimension)
+    if not fits or times.size < 2 or not (np.diff(times) > 0).all():
+        wanted = f"at least two states of {', '.join(space.names)} at increasing times"
+        raise InputDataError(f"{printable(str(path))}: expected {wanted}.", hint=HINT)
     return Recorded(times, states, commands)
 
 
-def _column(log: Any, name: str) -> FloatArray:
-    data = log[name]
-    if getattr(data, "dtype", None) is None or data.dtype.kind not in "fi" or data.size > LONGEST:
-        raise ValueError(f"{name} is not an array of numbers")
-    return np.asarray(data[()], dtype=np.float64)
+def columns_of(path: str) -> dict[str, FloatArray]:
+    """Return what a log has of what is replayed; called in a child process, see ``File.opened``."""
+    from skillctl.demonstrations import hdf5
+
+    with hdf5.root_of(path) as root:
+        found = {name: hdf5.array(root, name) for name in ("t", "state", "command", "resting", *HAND)}
+        there = {name: dataset for name, dataset in found.items() if dataset is not None}
+        hdf5.require_small(there.values())
+        return {name: hdf5.numbers(dataset) for name, dataset in there.items()}

@@ -14,6 +14,7 @@ from skillctl.compose.regions import regions
 from skillctl.errors import UsageError
 from skillctl.evaluate.left_out import MOST_FOLDS
 from skillctl.learning.em import POSITION_FLOOR, expectation, position_moments
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.demonstration import DemonstrationSet
 from skillctl.model.mixture import GaussianMixture
@@ -209,13 +210,14 @@ def demonstrated_starts(skill: Skill, demonstrations: Sequence[DemonstrationSet 
     """Return where demonstrations begin, seen from the attractors where they are now. Shape (n, d).
 
     Args:
-        skill: Any skill.
+        skill: Any skill; of a chain, the first stage counts.
         demonstrations: One set per leaf, None where none is embedded.
     """
+    leaves = skill.parts[0].leaves if isinstance(skill, ChainedSkill) else skill.leaves
     return np.array(
         [
             skill.space.carried(motion.positions[0], motion.positions[-1], leaf.attractor)
-            for leaf, motions in zip(skill.leaves, demonstrations, strict=True)
+            for leaf, motions in zip(leaves, demonstrations, strict=False)  # later stages are left out
             for motion in motions or ()
         ]
     )

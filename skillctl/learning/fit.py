@@ -13,12 +13,13 @@ from skillctl.errors import UsageError
 from skillctl.geometry import extent
 from skillctl.learning.blocks import Sizes
 from skillctl.learning.lyapunov import deviation_bound, learn_lyapunov, rising_share, stretched
+from skillctl.learning.needs import require_affordable
 from skillctl.learning.objective import reproduction_error
 from skillctl.learning.options import Coordinates, LearnOptions, Preset
 from skillctl.learning.outcome import Result, StageResult
 from skillctl.learning.parameters import skill_of
 from skillctl.learning.preprocess import TrainingData, align, embedded, resample, training_data
-from skillctl.learning.select import component_limit, select_components
+from skillctl.learning.select import CANDIDATES, component_limit, select_components
 from skillctl.learning.shears import BENDING, learn_shears, samples_of
 from skillctl.learning.solve import solve
 from skillctl.model.coordinates.chain import IDENTITY, Chain, Link, OnPosition
@@ -32,6 +33,7 @@ from skillctl.workers.blas import one_blas_thread
 STRAIGHT = 0.001  # shears are learned if V keeps a motion off its path by more than this share of its extent
 BOUND_SHARE = 0.01  # warn when V keeps the motion off its path by more than this share of its extent
 LATE_GAIN = 0.02  # warn when the last steps took more off the cost; of distances that is about half as much
+WORTH_SAYING = 60.0  # [s]: an estimated time that is shown before a fit begins
 MORE_WORK: dict[Preset, Preset] = {"fast": "default", "default": "quality"}
 
 
@@ -103,6 +105,7 @@ def fit(
         InputDataError: Demonstrations that do not move.
         UsageError: More components than the data can carry, or a P of another dimension.
         FitError: No fit could be represented as a skill.
+        ResourceError: It would take more memory or time than may be used (see ``needs``).
 
     References:
         Eq. 5 and 6; rollout residuals, the learned P and the interior-point solver are ours.
@@ -136,9 +139,15 @@ def _fit(
     progress: Progress,
 ) -> Fit:
     aligned, attractor = align(demonstrations)
+    most = _most_components(component_limit(aligned), options)
+    seconds = require_affordable(aligned.dimension, most, len(aligned), options)
+    if seconds > WORTH_SAYING:
+        progress(f"this takes about {seconds / 60:.0f} minutes", 0, 1)
     data = training_data(aligned, attractor, options.effort.samples_of(len(aligned)))
     choices, learned = _measured(aligned, data, options, distance)
-    n_components = _n_components(aligned, *choices[0], options, progress)
+    n_components = most
+    if options.n_components == "auto":
+        n_components = select_components(*choices[0], options, most, progress)
     solutions = [solve(each, metric, n_components, options, progress) for each, metric in choices]
     best = 0
     if len(choices) > 1:  # only the motions tell which is the better: objectives of other coordinates differ
@@ -169,18 +178,12 @@ def _fit(
     )
 
 
-def _n_components(
-    aligned: DemonstrationSet,
-    data: TrainingData,
-    lyapunov: FloatArray,
-    options: LearnOptions,
-    progress: Progress,
-) -> int:
-    limit = component_limit(aligned)
+def _most_components(limit: int, options: LearnOptions) -> int:
+    """Return the number of components, of those that are tried the largest, if the data can carry it."""
     if options.n_components is None:
         return min(options.effort.components, limit)
     if options.n_components == "auto":
-        return select_components(data, lyapunov, options, limit, progress)
+        return min(max(CANDIDATES), limit)
     if options.n_components > limit:
         raise UsageError(
             f"components: {options.n_components} is more than these demonstrations can carry ({limit}).",

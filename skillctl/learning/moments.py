@@ -7,7 +7,7 @@ K (K + 1) / 2 times the number of distinct monomials differ: J, (n d, p), is nev
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -25,8 +25,12 @@ class VelocityMoments:
         self.positions, self.weights = positions, weights
         self.features = quadratic_features(positions)
         self.metric = None if metric is None else np.ascontiguousarray(metric.transpose(1, 2, 0))
-        self.index, first, second, self.up_to = _monomials(len(positions))
-        self.monomials = np.ascontiguousarray((weights * self.features[first] * self.features[second]).T)
+
+    @cached_property
+    def monomials(self) -> FloatArray:
+        """Each monomial at each point, times its weight; large, and of use for ``normal`` only."""
+        _, first, second, _ = _monomials(len(self.positions))
+        return np.ascontiguousarray((self.weights * self.features[first] * self.features[second]).T)
 
     def linearised(self, field: Field) -> Linearised:
         """Return how the field's velocities at the points depend on its parameters."""
@@ -42,10 +46,11 @@ class VelocityMoments:
         """Return the sum. Shape (p, p), ordered as in ``Field.split``."""
         k, d, n = at.spread.shape
         features = len(self.features)
+        index, _, _, up_to = _monomials(d)
         first, second = np.triu_indices(k)
         pair = np.empty((k, k), dtype=np.int64)
         pair[first, second] = pair[second, first] = np.arange(first.size)
-        linear = self.index[1 : 1 + d]  # ξ_j φ_f
+        linear = index[1 : 1 + d]  # ξ_j φ_f
         spread = at.spread if self.metric is None else (self.metric[None] * at.spread[:, None]).sum(axis=2)
 
         # Of coordinate i: where its row of each A_k stands among the free entries, and what it multiplies.
@@ -63,21 +68,21 @@ class VelocityMoments:
         for i in range(d):
             for j in range(i, d) if self.metric is not None else (i,):
                 metric = 1.0 if self.metric is None else self.metric[i, j]
-                sums = (both * metric) @ self.monomials[:, : self.up_to[2]]
-                factors = self.index[1 : 1 + d, 1 : 1 + d][columns[i], columns[j]]  # ξ_a ξ_b
+                sums = (both * metric) @ self.monomials[:, : up_to[2]]
+                factors = index[1 : 1 + d, 1 : 1 + d][columns[i], columns[j]]  # ξ_a ξ_b
                 block = sums[pair[:, None, :, None], factors[None, :, None, :]]
                 matrices[:, rows[i], :, rows[j]] = block
                 if i != j:
                     matrices[:, rows[j], :, rows[i]] = block.transpose(0, 3, 2, 1)
         sums = (at.gates[:, None, None] * spread.swapaxes(0, 1)).reshape(-1, n) @ self.monomials[
-            :, : self.up_to[3]
+            :, : up_to[3]
         ]
         sums = sums.reshape(k, d, k, -1)
         for i in range(d):
             mixed[:, rows[i]] = sums[:, i][..., linear[columns[i]]].transpose(0, 2, 1, 3)
         normal[size:, :size] = normal[:size, size:].T
         sums = (at.spread[first] * spread[second]).sum(axis=1) @ self.monomials
-        square = sums[pair[:, None, :, None], self.index[None, :, None, :]]
+        square = sums[pair[:, None, :, None], index[None, :, None, :]]
         normal[size:, size:] = square.reshape(k * features, -1)
         return normal
 

@@ -9,15 +9,15 @@ import numpy as np
 from pydantic import Field
 
 from skillctl.arrays import FloatArray
-from skillctl.simulation.values import NotNegative, Part, Point, Positive
+from skillctl.simulation.values import Duration, Part, Point, Time
 
 
 class Push(Part):
     """A force on the hand, [N]. Position motors hold against some 100 N; torque control yields."""
 
     kind: Literal["push"] = "push"
-    time: NotNegative
-    duration: Positive
+    time: Time
+    duration: Duration
     force: Point
 
 
@@ -25,7 +25,7 @@ class MoveTarget(Part):
     """A jump of the target, and of the cup if there is one, by ``offset`` [m]."""
 
     kind: Literal["move-target"] = "move-target"
-    time: NotNegative
+    time: Time
     offset: Point
 
 
@@ -33,7 +33,7 @@ class Displace(Part):
     """A jump of the hand by ``offset`` [m]; a hand that is taught turns by the vector ``turn`` [rad], too."""
 
     kind: Literal["displace"] = "displace"
-    time: NotNegative
+    time: Time
     offset: Point
     turn: Point = (0.0, 0.0, 0.0)
 
@@ -45,7 +45,7 @@ class Knock(Part):
     """
 
     kind: Literal["knock"] = "knock"
-    time: NotNegative
+    time: Time
     offset: Point
 
 

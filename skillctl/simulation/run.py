@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from skillctl.arrays import FloatArray
+from skillctl.memory import require
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.skill import Skill
 from skillctl.progress import Progress
-from skillctl.simulation.arm import ArmBody, LiveArm
+from skillctl.simulation.arm import CONTROL_PERIOD, ArmBody, LiveArm
 from skillctl.simulation.avoid import avoidance
 from skillctl.simulation.bullet import silenced
 from skillctl.simulation.disturbances import MoveTarget, Schedule, last_end
@@ -34,6 +35,7 @@ from skillctl.simulation.scene import Contact, SceneBodies
 from skillctl.simulation.torque import TorqueArm
 
 HORIZON_FACTOR, HORIZON_SLACK = 1.5, 2.0  # of the duration that the joints allow; [s]
+ROW = 4000.0  # [bytes] of the record, a control period; 3300 with an arm of seven joints and a cup
 PROGRESS_TIME = 0.1  # [s] between two reports
 LIFTED_STEP = 0.005  # [m], of a lift that is tried on the twin
 DISPLACED_STEP, TURNED_STEP = 0.01, 0.05  # [m], [rad], in which inverse kinematics follows a displaced hand
@@ -66,6 +68,7 @@ def simulate(
         NotFoundError: PyBullet is not installed, or no window can be opened.
         UsageError: Start or target of another dimension, or a skill that cannot be placed in a workspace.
         RefusedError: The hand cannot be at the start or target, or touches the scene there.
+        ResourceError: The record of so long an episode would take more memory than may be used.
     """
     began = time.perf_counter()
     if gui:
@@ -158,6 +161,8 @@ class _Run:
         """Let time pass until the episode is over, and return how it ended."""
         self._require_free_start()
         period, horizon = self.arm.period, self._horizon()
+        rows = horizon / CONTROL_PERIOD
+        require(ROW * rows, f"an episode of up to {horizon:.0f} s", "Choose a shorter --max-duration.")
         every = round(PROGRESS_TIME / period)
         for step in range(math.ceil(horizon / period) + 1):
             now = step * period
@@ -245,8 +250,7 @@ class _Run:
         state, place = self.arm.state, self.arm.place_now
         moved, turned = self.kinematics.space.speeds(offset)
         steps = math.ceil(max(moved / DISPLACED_STEP, turned / TURNED_STEP))
-        shares = np.linspace(0.0, 1.0, steps + 1)[1:]
-        way = [self.kinematics.space.displace(place, share * offset) for share in shares]
+        way = (self.kinematics.space.displace(place, step / steps * offset) for step in range(1, steps + 1))
         standing = Solution(state.joints, 0.0, accepted=True)  # in case the hand does not move
         *_, last = standing, *self.kinematics.along(way, state.joints)
         if last.accepted:
@@ -259,7 +263,7 @@ class _Run:
         up = np.zeros_like(place)
         up[2] = lift
         steps = math.ceil(lift / LIFTED_STEP)
-        way = [place + up * step / steps for step in range(1, steps + 1)]
+        way = (place + up * step / steps for step in range(1, steps + 1))
         reached = sum(solution.accepted for solution in self.kinematics.along(way, self.arm.state.joints))
         return lift if reached == steps else lift * reached / steps
 

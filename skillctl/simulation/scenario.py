@@ -21,8 +21,8 @@ rules check it in all three cases. Its TOML form has the same names:
     offset = [0.0, 0.08, 0.0]
 
 A key that is left out has the default given here. Lengths are in metres, times in seconds, angles in radians.
-Positions are in the workspace frame, whose origin is the arm's base, except ``start`` and ``target``, which
-are in the skill's own coordinates.
+No time is longer than ten minutes, and no other number larger than a million. Positions are in the workspace
+frame, whose origin is the arm's base, but ``start`` and ``target`` are in the skill's own coordinates.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from skillctl.simulation.options import Board, Control, HandPolicy, Name, Plane
 from skillctl.simulation.taking import DEFAULT_PLACE, Destination, Grasp
 from skillctl.simulation.values import (
     Count,
+    Duration,
     Flag,
     NotNegative,
     Number,
@@ -281,8 +282,8 @@ class Scenario(Part):
     max_turn_acceleration: Positive = 7.5
     tolerance: Positive = 2e-3
     turn_tolerance: Positive = 0.0349  # two degrees
-    settle_time: Positive = 0.5
-    max_duration: Positive | None = None
+    settle_time: Duration = 0.5
+    max_duration: Duration | None = None
     noise: NotNegative = 0.0
     target_error: NotNegative = 0.0
     seed: Seed = 0

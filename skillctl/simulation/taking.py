@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import model_validator
 
 from skillctl.simulation.options import Board
-from skillctl.simulation.values import Part, Place, Positive
+from skillctl.simulation.values import Duration, Part, Place, Positive
 
 DEFAULT_PLACE = (0.62, 0.0)  # [m], of a cup
 
@@ -49,11 +49,11 @@ class Grasp(Part):
     turn: Positive = 0.1
     force: Positive = 20.0
     speed: Positive = 0.1
-    close_time: Positive = 0.8
-    open_time: Positive = 0.5
+    close_time: Duration = 0.8
+    open_time: Duration = 0.5
     lift: Positive = 0.10
-    lift_time: Positive = 1.2
-    hold_time: Positive = 1.0
+    lift_time: Duration = 1.2
+    hold_time: Duration = 1.0
     rise: Positive = 0.05
 
     @model_validator(mode="after")

@@ -6,10 +6,16 @@ from typing import Annotated, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+LONGEST = 600.0  # [s]: the bound on every time in a scenario, and so on simulated time
+
+LARGEST = 1e6  # of any other number, in its unit: beyond, products overflow, and no arm is so large or strong
+
 # Strict: 0.3 and 1 are numbers, "0.3" and true are not.
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-NotNegative: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+Positive: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=LARGEST)]
+NotNegative: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=LARGEST)]
+Time: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=LONGEST)]
+Duration: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=LONGEST)]
 Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
 Seed: TypeAlias = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Flag: TypeAlias = Annotated[bool, Field(strict=True)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from skillctl.errors import SkillctlError, StoreError
+from skillctl.errors import ResourceError, SkillctlError, StoreError
 from skillctl.progress import Progress
 from skillctl.store import locate_store
 from skillctl.usecases.learn import Learned, LearnReport, LearnRequest, finish, prepare
@@ -116,6 +116,8 @@ def _made(request: LearnRequest) -> Learned | SkillctlError:
         return prepare(request)
     except SkillctlError as error:
         return error
+    except MemoryError:
+        return ResourceError("there is not enough memory.", hint="Use fewer --jobs, or learn it by itself.")
 
 
 def _outcome(

@@ -73,21 +73,52 @@ class Child:
             Whatever the function raises; with limits InputDataError as it is, and ValueError with the text of
                 any other exception.
         """
-        request = pickle.dumps((function, arguments, options))
         process = self._started()
         try:
-            with _killed_after(self.limits.seconds if self.limits else threading.TIMEOUT_MAX, process):
-                requests, answers = _pipes(process)
-                messages.send(requests, pickle.dumps(self.limits), [request])
-                text, numbers = messages.receive(answers, self.limits)
+            with _killed_after(self.limits.seconds, process) if self.limits else contextlib.nullcontext():
+                self.ask(function, *arguments, **options)
+                received = self._received()
+        except TimeoutError:
+            self._end(process)
+            raise
+        return messages.result(*received, self.limits)
+
+    def ask(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> None:
+        """Let the child begin a call; its ``answer`` has to be fetched before the next.
+
+        Raises:
+            ChildDiedError, OSError: See ``call``.
+        """
+        request = pickle.dumps((function, arguments, options))
+        process = self._started()
+        with self._ended_by_errors(process):
+            messages.send(_pipes(process)[0], pickle.dumps(self.limits), [request])
+
+    def answer(self) -> Any:
+        """Return, or raise, what the call leads to that was begun; see ``call``."""
+        return messages.result(*self._received(), self.limits)
+
+    def _received(self) -> tuple[bytearray, bytearray]:
+        process = self._started()
+        with self._ended_by_errors(process):
+            return messages.receive(_pipes(process)[1], self.limits)
+
+    def fileno(self) -> int:
+        """Return a descriptor that can be read when there is an answer."""
+        return _pipes(self._started())[1].fileno()
+
+    @contextlib.contextmanager
+    def _ended_by_errors(self, process: Process) -> Iterator[None]:
+        """End the child after any error: half an exchange would spoil the next."""
+        try:
+            yield
         except (EOFError, ValueError, BrokenPipeError):
             how = _ending(process)
             self._end(process)
             raise ChildDiedError(how) from None
-        except BaseException:  # too late, or Ctrl-C: half an exchange would spoil the next
+        except BaseException:  # Ctrl-C, or no memory
             self._end(process)
             raise
-        return messages.result(text, numbers, self.limits)
 
     def close(self) -> None:
         """End the process, if there is one, and start no other."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+import select
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import ExitStack
-from queue import SimpleQueue
 
+from skillctl.memory import WORKERS
 from skillctl.workers import Item, Result, WorkerDied
 from skillctl.workers.child import Child, ChildDiedError
 
@@ -28,30 +29,45 @@ def run_in_processes(
     Raises:
         Whatever ``task`` raises, for the first item that fails.
     """
-    idle: SimpleQueue[Child] = SimpleQueue()
-
-    def run(position: int) -> Result | WorkerDied:
-        child = idle.get()
-        try:
-            result: Result = child.call(task, items[position])
-            return result
-        except ChildDiedError:
-            return WorkerDied()
-        finally:
-            idle.put(child)
-
     with ExitStack() as stack:
-        threads = stack.enter_context(ThreadPoolExecutor(jobs))  # each waits for one process
-        for _ in range(jobs):
-            idle.put(stack.enter_context(Child()))
-        stack.callback(threads.shutdown, wait=False, cancel_futures=True)  # before the children are ended
-        running = {threads.submit(run, position): position for position in range(len(items))}
-        died = []
-        for future in as_completed(list(running)):
-            position, result = running.pop(future), future.result()
-            if isinstance(result, WorkerDied):
-                died.append(position)
-            else:
-                yield position, result
+        idle = [stack.enter_context(Child(environment={WORKERS: str(jobs)})) for _ in range(jobs)]
+        running: dict[Child, int] = {}
+        waiting, died, done = deque(range(len(items))), list[int](), list[tuple[int, Result]]()
+        while waiting or running or done:
+            while waiting and idle:
+                position, child = waiting.popleft(), idle.pop()
+                try:
+                    child.ask(task, items[position])
+                    running[child] = position
+                except ChildDiedError:
+                    died.append(position)
+                    idle.append(child)
+            yield from done  # now that there is other work to do meanwhile
+            done.clear()
+            for child in _answering(running):
+                position = running.pop(child)
+                idle.append(child)
+                try:
+                    done.append((position, child.answer()))
+                except ChildDiedError:
+                    died.append(position)
         for position in died:
-            yield position, run(position)
+            yield position, _alone(task, items[position], idle[0])
+
+
+def _answering(children: Collection[Child]) -> list[Child]:
+    """Wait until one of the children has answered, or died, and return all that have."""
+    if not children:
+        return []
+    poll, of = select.poll(), {child.fileno(): child for child in children}
+    for descriptor in of:
+        poll.register(descriptor, select.POLLIN)
+    return [of[descriptor] for descriptor, _ in poll.poll()]
+
+
+def _alone(task: Callable[[Item], Result], item: Item, child: Child) -> Result | WorkerDied:
+    try:
+        result: Result = child.call(task, item)
+    except ChildDiedError:
+        return WorkerDied()
+    return result

@@ -21,8 +21,11 @@ def serve() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what a library prints is no answer
     inbox: SimpleQueue[tuple[bytearray, bytearray]] = SimpleQueue()
     threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
-    while True:
-        messages.send(answers, *_answer(inbox))
+    try:
+        while True:
+            messages.send(answers, *_answer(inbox))
+    except MemoryError:  # not even for the answer: the parent says so
+        os._exit(1)
 
 
 def _receive(requests: IO[bytes], inbox: SimpleQueue[tuple[bytearray, bytearray]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
@@ -9,6 +10,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -192,6 +196,66 @@ def test_an_interrupted_run_says_so_and_leaves_nothing_behind(tmp_path, curve_fi
     assert list(tmp_path.iterdir()) == []
 
 
+def children(parent: int) -> list[Path]:
+    """Return the folders in /proc of the processes that a process has started."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it ended meanwhile
+            if status.read_text().rpartition(")")[2].split()[1] == str(parent):
+                found.append(status.parent)
+    return found
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_batch_ends_its_workers_and_leaves_nothing_behind(tmp_path, curve_files, sent, code):
+    files = json.dumps([str(path) for path in curve_files])
+    skills = "".join(f'[[skills]]\noutput = "{n}.h5"\nseed = {n}\ndata = {files}\n' for n in range(3))
+    (manifest := tmp_path / "many.toml").write_text(f'[options]\npreset = "quality"\n{skills}')
+    command = [sys.executable, "-m", "skillctl", "learn", "--batch", str(manifest), "--jobs", "2", "-v"]
+    streams: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=tmp_path, **streams) as process:
+        while len(pids := children(process.pid)) < 2:
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(sent)
+        printed, said = process.communicate(timeout=60)
+    assert (process.returncode, printed) == (code, "")
+    assert "Traceback" not in said
+    assert not any(pid.exists() for pid in pids)
+    assert list(tmp_path.iterdir()) == [manifest]
+
+
+SOLVING = """
+import signal
+import numpy as np
+from skillctl import __main__ as program
+
+program.GRACE = 0.1
+signal.signal(signal.SIGTERM, program._terminate)
+program._end_in_time()
+matrix = np.random.default_rng(0).standard_normal((3000, 3000))
+while True:
+    try:
+        print("solving", flush=True)
+        np.linalg.solve(matrix, matrix[0])
+    except KeyboardInterrupt:  # it came before, or after
+        pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("sent", "code", "said"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")]
+)
+def test_not_even_a_program_that_does_not_listen_is_waited_for(sent, code, said):
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    streams: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", SOLVING], env=environment, **streams) as process:
+        assert process.stdout.readline() == "solving\n"
+        process.send_signal(getattr(signal, sent))
+        assert process.communicate()[1] == f"error: {said}.\n"
+    assert process.returncode == code
+
+
 def test_a_full_disk_under_standard_output_is_not_success(shell):
     with open("/dev/full", "w") as full:  # noqa: PTH123 - a device, not a path to manage
         for arguments in (["--version"], ["--help"], ["ls"]):
@@ -320,6 +384,17 @@ sys.meta_path.insert(0, Stop())
 sys.argv = ["skillctl", "ls"]
 main()
 """
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_result_that_fits_in_part_is_no_success(tmp_path, library, unbuffered):
+    """Python without buffers does not see that the disk took a part only."""
+    limited = f"ulimit -f 1; exec {sys.executable} -m skillctl inspect plain --json > {tmp_path / 'out'}"
+    surroundings = {**os.environ, "SKILLCTL_STORE": str(library), "PYTHONUNBUFFERED": unbuffered}
+    command = ["bash", "-c", limited]
+    result = subprocess.run(command, env=surroundings, capture_output=True, text=True, check=False)
+    assert result.returncode == 8
+    assert json.loads(result.stderr)["message"] == "standard output cannot be written: File too large."
 
 
 @pytest.mark.parametrize(("number", "code", "word"), [(2, 130, "interrupted"), (15, 143, "terminated")])

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skillctl.demonstrations.arm import RecordedArm
 from skillctl.demonstrations.formats import FORMATS
 from skillctl.demonstrations.reader import read_demonstrations
 from skillctl.errors import InputDataError, NotFoundError, UsageError
@@ -263,6 +264,17 @@ def test_reversed_recordings_run_back_to_where_they_began(write, save_npz) -> No
     (demonstration,) = read_demonstrations([measured], reverse=True, units="cm", scale=2.0).demonstrations
     assert demonstration.times.tolist() == [0, 2, 3]
     assert demonstration.velocities.ravel().tolist() == [-0.08, -0.04, -0.02]
+
+
+def test_of_reversed_joints_the_hand_goes_back(write) -> None:
+    arm = RecordedArm(
+        "arm", "hand", ("j1", "j2"), (-3.0,) * 2, (3.0,) * 2, lambda q: np.c_[np.cos(q), q[:, :1]]
+    )
+    path = write("t,j1,j2\n0,0,1\n1,0.5,1\n3,1,0\n")
+    (demonstration,) = read_demonstrations([path], arm=arm, reverse=True).demonstrations
+    assert demonstration.times.tolist() == [0, 2, 3]
+    assert demonstration.positions[:, 2].tolist() == [1, 0.5, 0]
+    assert demonstration.positions[-1, :2] == pytest.approx([1, np.cos(1)], abs=1e-15)
 
 
 def test_a_reversed_recording_is_judged_as_it_was_recorded(write) -> None:

@@ -106,9 +106,31 @@ def damaged(path, how):
         elif how == "group":
             del log["t"]
             log.create_group("t")
+        elif how == "scalar":
+            del log["t"]
+            log["t"] = 1.0
+        else:
+            rest = log[how][1:]
+            del log[how]
+            log[how] = rest
 
 
-@pytest.mark.parametrize("how", ["cut", "without states", "text", "shorter", "backwards", "group"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "cut",
+        "without states",
+        "text",
+        "shorter",
+        "backwards",
+        "group",
+        "scalar",
+        "t",
+        "state",
+        "command",
+        "resting",
+    ],
+)
 def test_a_damaged_log_is_refused_in_words(logged, library, tmp_path, how):
     (path := tmp_path / "bad.h5").write_bytes(logged[1].read_bytes())
     damaged(path, how)
@@ -120,7 +142,7 @@ def test_a_log_that_is_not_there_is_named(library, tmp_path):
     space = load("reach", store=library).space
     with pytest.raises(NotFoundError, match="there is no such file"):
         read_log(tmp_path / "a.h5", space)
-    with pytest.raises(NotFoundError):
+    with pytest.raises(InputDataError, match="is a folder; a log is one file"):
         read_log(tmp_path, space)
 
 

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import string
+from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -10,6 +13,7 @@ from hypothesis import strategies as st
 from skillctl.errors import InputDataError, NotFoundError, UsageError
 from skillctl.simulation.scenario import Scenario
 from skillctl.simulation.scenario_file import overridden, read_scenario, to_toml
+from skillctl.simulation.values import LARGEST, LONGEST
 
 FULL = """
 arm = "panda"
@@ -70,8 +74,8 @@ def test_what_is_written_reads_back_the_same(tmp_path: Path) -> None:
 
 
 @given(
-    start=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=3),
-    noise=st.floats(0, 1e300),
+    start=st.lists(st.floats(-LARGEST, LARGEST), min_size=1, max_size=3),
+    noise=st.floats(0, LARGEST),
     seed=st.integers(0, 2**63 - 1),
     name=st.text(st.characters(exclude_categories=["Cs"])),
 )
@@ -180,3 +184,54 @@ def test_held_joints_of_any_name_read_back(tmp_path: Path) -> None:
     path = tmp_path / "held.toml"
     path.write_text(to_toml(scenario))
     assert read_scenario(path) == scenario
+
+
+def numbers(value: object, path: tuple[object, ...] = ()) -> Iterator[tuple[object, ...]]:
+    """Yield the path of every number of a document that is no count."""
+    if isinstance(value, float):
+        yield path
+    elif isinstance(value, dict | list | tuple):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(part, (*path, key))
+
+
+DISTURBED = Scenario(
+    start=(0.4, 0.0, 0.5),
+    origin=(0.0, 0.0, 0.0),
+    scale=1.0,
+    base_yaw=0.0,
+    max_duration=1.0,
+    scene={"kind": "shelf"},
+    target="cup",
+    cup={"position": (0.62, 0.1)},
+    obstacles=[{"kind": "box", "position": (0.2, 0.6, 0.2), "size": (0.1, 0.1, 0.1)}],
+    disturbances=[
+        {"kind": "push", "time": 0.0, "duration": 0.1, "force": (1.0, 0.0, 0.0)},
+        {"kind": "move-target", "time": 0.0, "offset": (0.0, 0.01, 0.0)},
+        {"kind": "displace", "time": 0.0, "offset": (0.0, 0.01, 0.0)},
+    ],
+).model_dump(exclude_none=True)
+TIMES = {"time", "duration", "max_duration", "settle_time", "close_time", "lift_time", "hold_time"}
+
+
+@pytest.mark.parametrize("path", [*numbers(DISTURBED)], ids=str)
+def test_no_number_may_be_so_large_that_a_run_would_not_end(path: tuple[object, ...]) -> None:
+    bound = LONGEST if path[-1] in TIMES else LARGEST
+    for number in (1.001 * bound, 1e308, -1e308):
+        document = deepcopy(DISTURBED)
+        table: Any = document
+        for key in path[:-1]:
+            table[key] = list(table[key]) if isinstance(table[key], tuple) else table[key]
+            table = table[key]
+        table[path[-1]] = number
+        with pytest.raises(UsageError, match=str(path[0])) as caught:
+            Scenario(**document)
+        if number > 0:
+            assert f"less than or equal to {bound:.0f}" in str(caught.value)
+
+
+def test_a_file_is_told_the_bound_on_simulated_time(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputDataError, match=r"max_duration: must be less than or equal to 600, got 100000\.0"
+    ):
+        read(tmp_path, "max_duration = 1e5")

@@ -110,6 +110,18 @@ def test_the_bounds_are_those_computed_by_hand(make_skill):
     assert certificate.period == pytest.approx(0.5, rel=1e-9)  # of ξ̇ = −4ξ: |1 − 4Δt| < 1
 
 
+def test_a_controller_is_done_within_the_steps_with_all_events(make_skill):
+    """From 4: 0.8^17 · 4 = 0.09; four steps of events; then 0.6^6 (1 − 0.09 · 0.8⁴) = 0.045."""
+    parts = line_skill(make_skill), line_skill(make_skill, end=1.0, rate=4.0)
+    chain = ChainedSkill(parts, [0.01, 0.0025], [("close", "wait 0.25"), ("wait 1",)])
+    controller, state, steps = Controller(chain, 0.1), np.array([4.0]), 0
+    while not controller.done:
+        state = state + 0.1 * controller.step(state)
+        steps += 1
+    assert steps - 1 == 17 + 4 + 6 + 10  # the last call finds that all is over
+    assert steps - 1 <= certify(chain, period=0.1).course.steps
+
+
 def test_a_stage_that_begins_at_its_end_takes_no_time(make_skill):
     skill = line_skill(make_skill)
     course = certify(ChainedSkill((skill, skill), [0.01, 0.011], [(), ()])).course

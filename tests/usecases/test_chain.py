@@ -10,19 +10,21 @@ import pytest
 
 from skillctl.compose.options import ChainOptions, CombineOptions, MergeOptions
 from skillctl.errors import FitError, UsageError
+from skillctl.evaluate.coverage import demonstrated_starts
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.pose import Pose
 from skillctl.model.rollout import rollout
 from skillctl.model.seds import SedsSkill
 from skillctl.options import Length
+from skillctl.stability.requirements import Requirements
 from skillctl.store.source import open_skill
 from skillctl.usecases.adapt import adapt
 from skillctl.usecases.chain import chain
 from skillctl.usecases.combine import combine
 from skillctl.usecases.files import load, save
 from skillctl.usecases.merge import merge
-from skillctl.usecases.verify_stability import verify
+from skillctl.usecases.verify_stability import verify, verify_stability
 
 
 def test_stages_of_every_kind_act_one_after_the_other(library, tmp_path):
@@ -163,3 +165,16 @@ def test_an_unproved_stage_is_refused(library, tmp_path):
     with pytest.raises(FitError, match="part 2: leaf 1, component 1"):
         chain(["curve", tmp_path / "unstable.h5"], store=library, output=tmp_path / "n.h5")
     assert not (tmp_path / "n.h5").exists()
+
+
+def test_a_chain_starts_where_its_first_stage_was_taught(library, tmp_path):
+    chain(["curve", "hook"], store=library, output=tmp_path / "n.h5")
+    taught = open_skill("curve", library).artifact
+    starts = demonstrated_starts(taught.skill, taught.demonstrations)
+    (verdict,) = verify_stability([tmp_path / "n.h5"], required=Requirements(start_box="demos")).skills
+    assert verdict.reach is not None
+    assert (verdict.reach.start_low, verdict.reach.start_high) == (
+        tuple(starts.min(axis=0).tolist()),
+        tuple(starts.max(axis=0).tolist()),
+    )
+    assert verdict.reach.measured.arrived == verdict.reach.measured.starts
