@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
@@ -43,6 +44,9 @@ def _run() -> None:
     atexit.register(gc.freeze)  # the last collection of what dies anyway took a quarter of a command's time
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # they speak to developers; tests turn them into errors
+    if isinstance(getattr(sys.stdout, "buffer", None), io.RawIOBase):
+        # PYTHONUNBUFFERED: what does not fit on the disk any more would be lost without an error.
+        sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115 - it lasts, too
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # ξ on a Latin-1 terminal is no reason to stop
