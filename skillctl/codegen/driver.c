@@ -5,7 +5,7 @@
 
 #include "skill.h"
 
-#define GIVEN (4 + SKILL_DIMENSION)    /* the stage that is begun, both limits, whether it is busy, the state */
+#define GIVEN (8 + SKILL_DIMENSION)    /* the stage that is begun, six limits, whether it is busy, the state */
 #define ANSWERED (3 + SKILL_DIMENSION) /* the code, the part, where in a chain it is, the command */
 
 int main(int count_of_arguments, char **arguments)
@@ -28,16 +28,20 @@ int main(int count_of_arguments, char **arguments)
             skill_reset(&controller);
         }
         controller.max_speed = from[1];
+        controller.max_acceleration = from[2];
+        controller.max_jerk = from[3];
 #ifdef SKILL_LENGTH
-        controller.max_turn = from[2];
+        controller.max_turn = from[4];
+        controller.max_turn_acceleration = from[5];
+        controller.max_turn_jerk = from[6];
 #endif
 #ifdef SKILL_STAGES
         if (from[0] > 0.0) {
             skill_go(&controller, (int)from[0] - 1);
         }
-        controller.busy = from[3] > 0.0;
+        controller.busy = from[7] > 0.0;
 #endif
-        to[0] = skill_step(&controller, from + 4, to + 3);
+        to[0] = skill_step(&controller, from + 8, to + 3);
         to[1] = controller.part;
         to[2] = 0.0;
 #ifdef SKILL_STAGES

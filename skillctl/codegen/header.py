@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,19 +10,31 @@ from importlib.resources import files
 
 from skillctl import __version__
 from skillctl.arrays import FloatArray
-from skillctl.codegen.states import shares_of, states_around, stepped
+from skillctl.codegen.states import capped, states_around, stepped
 from skillctl.codegen.tables import Tables
 from skillctl.codegen.text import braced, kept, named, number, quoted
 from skillctl.errors import ArtifactError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
+from skillctl.model.limits import Limits
 from skillctl.model.skill import Skill
 
 TESTS = 100
 PERIOD = 0.01  # [s] of a test, unless only shorter ones are proved
 RELATIVE, ABSOLUTE = 1e-9, 1e-12  # of a command, and of a state per period, by which a test may be off
 
-FUNCTIONS = ("begin", "begin_unproved", "controller", "distance", "remaining", "reset", "step", "targets")
+FUNCTIONS = (
+    "begin",
+    "begin_unproved",
+    "brake",
+    "controller",
+    "distance",
+    "remaining",
+    "reset",
+    "resting",
+    "step",
+    "targets",
+)
 CODES = ("OK", "BAD_PERIOD", "BAD_LIMIT", "BAD_STATE", "BAD_STAGE")
 
 _DIGEST = re.compile(r'^#define \w+_DIGEST "((?:sha256:[0-9a-f]{64})?)"$', re.MULTILINE)
@@ -172,12 +183,12 @@ def _tests(skill: Skill, period: float, taught: Sequence[FloatArray]) -> list[st
     """Return states and the commands of a controller that has just begun; every second one has a limit."""
     controller, tests = Controller(skill, period, allow_unproved=True), []
     for index, state in enumerate(states_around(skill, TESTS, taught)):
-        limits = (math.inf, math.inf)
+        limits = Limits()
         for _ in range(1 + index % 2):
             controller.reset()
             command = stepped(controller, state, limits)
-            limits, given = shares_of(skill.space.speeds(command), (0.5, 0.8)), limits
-        numbers = map(number, given[: 1 if skill.space.flat else 2])
+            limits, given = capped(skill.space.speeds(command), (0.5, 0.8)), limits
+        numbers = map(number, (given.speed,) if skill.space.flat else (given.speed, given.turn))
         rows = (braced(map(number, each.tolist())) for each in (state, command))
         tests.append("    " + braced([*numbers, *rows]))
     return tests

@@ -33,12 +33,20 @@ enum {
     SKILL_BAD_STAGE = 4    /* a chain has no such stage */
 };
 
+#ifndef SKILL_AVERAGED
+#define SKILL_AVERAGED 100 /* periods over which commands can be averaged, for a limit of jerk: 2 a / (j period) */
+#endif /* of what a program may define before */
+
 /* What is to be kept from one step to the next, and the limits of a command. skill_begin fills it. */
 typedef struct {
     double period;                  /* between two steps, [s] */
-    double max_speed;               /* per second, in SKILL_UNIT; HUGE_VAL: no limit */
+    double max_speed;               /* per second, in SKILL_UNIT; HUGE_VAL: no limit, as of the next ones */
+    double max_acceleration;        /* per second squared; set it, and the jerk, before the first step */
+    double max_jerk;                /* per second cubed; needs an acceleration */
 #if POSE
     double max_turn;                /* [rad/s] */
+    double max_turn_acceleration;   /* [rad/s^2] */
+    double max_turn_jerk;           /* [rad/s^3] */
 #endif
     int part;                       /* that acted last, from 0; below zero: the next step is a start */
 #if CHAIN
@@ -52,6 +60,7 @@ typedef struct {
 #if POSE
     double offset[SKILL_DIMENSION]; /* of that state, from the target */
 #endif
+    double sent[SKILL_AVERAGED][SKILL_DIMENSION]; /* what was commanded, the newest first, within accelerations */
 } skill_controller;
 
 static inline double skill_length_(const double *v, int count)
@@ -391,10 +400,10 @@ typedef struct {
     const double (*logits)[SKILL_ROW_];
     const double (*matrices)[SKILL_D_ * SKILL_D_];
     const double *attractor, *anchor;
+    const double *lyapunov; /* P of V = y . P y */
 #if CHAIN
     int stage;
-    double end;             /* root of V at which the stage is over */
-    const double *lyapunov; /* P of V = y . P y */
+    double end; /* root of V at which the stage is over */
 #endif
 #if BACK
     int terms; /* of the density of what it was taught */
@@ -626,6 +635,50 @@ static inline void skill_forward_(const skill_part_ *part, double *x)
     }
 }
 #endif
+#if LINKS
+
+/* Lead y back to an offset x. */
+static inline void skill_back_(const skill_part_ *part, double *x)
+{
+    int i;
+#if SHEARS
+    int k;
+#endif
+    for (i = part->links - 1; i >= 0; --i) {
+#if SHEARS
+        if (part->link[i].shears != NULL) {
+            for (k = part->link[i].shears->count - 1; k >= 0; --k) {
+                skill_sheared_(&part->link[i].shears->shear[k], part->link[i].size, -1.0, x);
+            }
+            skill_upper_(part->link[i].shears->inverse, part->link[i].size, x);
+        }
+#endif
+#if BODIES
+        if (part->link[i].bodies != NULL) {
+            skill_opened_(part->link[i].bodies, part->link[i].size, 1, x);
+        }
+#endif
+    }
+}
+#endif
+#if BODIES
+
+/* How far the state may move straight from an offset x. */
+static inline double skill_room_(const skill_part_ *part, const double *x)
+{
+    const skill_body_ *body;
+    double room = HUGE_VAL;
+    int i;
+    if (part->links == 0 || part->link[0].bodies == NULL) {
+        return room;
+    }
+    for (i = 0; i < part->link[0].bodies->count; ++i) {
+        body = &part->link[0].bodies->body[i];
+        room = fmin(room, skill_apart_(x, body->pole, part->link[0].size) - body->radius);
+    }
+    return fmax(room, part->link[0].bodies->stride);
+}
+#endif
 #if STAGES
 
 /* The part with which a stage begins: whose region a state lies in. */
@@ -682,6 +735,16 @@ static inline double skill_allowed_(const double *command, double max_speed)
 #endif
     return factor;
 }
+
+/* A step of the skill itself: its limits, where it leads, and its command. */
+typedef struct {
+    double period, max_speed;
+    int part;
+    double next[SKILL_D_], command[SKILL_D_];
+#if POSE
+    double max_turn, offset[SKILL_D_];
+#endif
+} skill_motion_;
 #if BENT
 
 /* A step that has begun: y and its velocity. */
@@ -693,86 +756,60 @@ typedef struct {
 } skill_start_;
 
 /* Go on for a duration; return by what factor the command keeps the limits. */
-static inline double skill_ahead_(const skill_start_ *from, double duration, skill_controller *c,
-                                  double *command)
+static inline double skill_ahead_(const skill_start_ *from, double duration, skill_motion_ *m)
 {
     const skill_part_ *part = from->part;
     double x[SKILL_D_];
     int i;
-#if SHEARS
-    int k;
-#endif
     for (i = 0; i < SKILL_D_; ++i) {
         x[i] = from->y[i] + duration * from->velocity[i];
     }
 #if LINKS
-    for (i = part->links - 1; i >= 0; --i) {
-#if SHEARS
-        if (part->link[i].shears != NULL) {
-            for (k = part->link[i].shears->count - 1; k >= 0; --k) {
-                skill_sheared_(&part->link[i].shears->shear[k], part->link[i].size, -1.0, x);
-            }
-            skill_upper_(part->link[i].shears->inverse, part->link[i].size, x);
-        }
+    skill_back_(part, x);
 #endif
-#if BODIES
-        if (part->link[i].bodies != NULL) {
-            skill_opened_(part->link[i].bodies, part->link[i].size, 1, x);
-        }
-#endif
-    }
-#endif
-    skill_placed_(x, part->attractor, c->next);
-    skill_difference_(c->next, from->state, command);
+    skill_placed_(x, part->attractor, m->next);
+    skill_difference_(m->next, from->state, m->command);
     for (i = 0; i < SKILL_D_; ++i) {
-        command[i] /= c->period;
+        m->command[i] /= m->period;
 #if POSE
-        c->offset[i] = x[i];
+        m->offset[i] = x[i];
 #endif
     }
 #if POSE
-    return skill_allowed_(command, from->max_speed, c->max_turn);
+    return skill_allowed_(m->command, from->max_speed, m->max_turn);
 #else
-    return skill_allowed_(command, from->max_speed);
+    return skill_allowed_(m->command, from->max_speed);
 #endif
 }
 
 /* Step in coordinates: the largest share of the step whose command keeps the limits. */
-static inline void skill_bent_(skill_controller *c, const double *state, double *command)
+static inline void skill_bent_(skill_motion_ *m, const double *state)
 {
     skill_start_ from;
-    const skill_part_ *part = &skill_part_table_[c->part];
+    const skill_part_ *part = &skill_part_table_[m->part];
     const double aim = 1.0 - 0.5 * SKILL_CLOSE_;
-    double x[SKILL_D_], y[SKILL_D_], duration = c->period, share, takes;
+    double x[SKILL_D_], y[SKILL_D_], duration = m->period, share, takes;
     double low = 0.0, high = 1.0, below = -aim, above;
     int i, trial, last = 0;
 #if FASTER
     duration *= SKILL_SPEED_;
 #endif
 #if BODIES
-    double room, factor;
-    const skill_body_ *body;
+    double factor;
 #endif
 #if POSE
-    skill_offset_(state, part->attractor, c->offset, x);
+    skill_offset_(state, part->attractor, m->offset, x);
 #else
     skill_offset_(state, part->attractor, x);
 #endif
     from.part = part;
     from.state = state;
-    from.max_speed = c->max_speed;
+    from.max_speed = m->max_speed;
     for (i = 0; i < SKILL_D_; ++i) {
         from.y[i] = x[i];
     }
 #if BODIES
-    if (part->links > 0 && part->link[0].bodies != NULL) {
-        room = HUGE_VAL;
-        for (i = 0; i < part->link[0].bodies->count; ++i) {
-            body = &part->link[0].bodies->body[i];
-            room = fmin(room, skill_apart_(x, body->pole, part->link[0].size) - body->radius);
-        }
-        from.max_speed = fmin(c->max_speed, fmax(room, part->link[0].bodies->stride) / c->period);
-    }
+    from.max_speed = fmin(m->max_speed, skill_room_(part, x) / m->period);
 #endif
 #if LINKS
     skill_forward_(part, from.y);
@@ -792,14 +829,14 @@ static inline void skill_bent_(skill_controller *c, const double *state, double 
 #else
     skill_moved_(part, y, from.velocity);
 #endif
-    takes = 1.0 / skill_ahead_(&from, duration, c, command);
+    takes = 1.0 / skill_ahead_(&from, duration, m);
     if (!(takes > 1.0)) {
         return;
     }
     above = takes - aim;
     for (trial = 0; trial < SKILL_TRIALS_; ++trial) { /* regula falsi; the end that stays twice counts half */
         share = (low * above - high * below) / (above - below);
-        takes = 1.0 / skill_ahead_(&from, share * duration, c, command);
+        takes = 1.0 / skill_ahead_(&from, share * duration, m);
         if (takes > 1.0) {
             below *= last > 0 ? 0.5 : 1.0;
             high = share;
@@ -815,36 +852,73 @@ static inline void skill_bent_(skill_controller *c, const double *state, double 
         }
     }
 #if BODIES
-    factor = skill_ahead_(&from, low * duration, c, command);
+    factor = skill_ahead_(&from, low * duration, m);
     if (!(low > 0.0) && factor < 1.0) { /* inside a body, and led out of it straight: no longer step is safe */
         for (i = 0; i < SKILL_D_; ++i) {
-            command[i] *= factor;
-            x[i] = c->period * command[i];
+            m->command[i] *= factor;
+            x[i] = m->period * m->command[i];
 #if POSE
-            c->offset[i] = 0.0;
+            m->offset[i] = 0.0;
 #endif
         }
         for (i = 0; i < SKILL_POSITIONS_; ++i) {
-            c->next[i] = state[i] + x[i];
+            m->next[i] = state[i] + x[i];
         }
 #if POSE
-        skill_turned_(x + 3, 1.0, state + 3, 1.0, c->next + 3);
+        skill_turned_(x + 3, 1.0, state + 3, 1.0, m->next + 3);
 #endif
     }
 #else
-    skill_ahead_(&from, low * duration, c, command);
+    skill_ahead_(&from, low * duration, m);
 #endif
 }
 #endif
 
-#if CHAIN
-
-/* Whether the stage of a part is over: V is at its level or below. */
-static inline int skill_over_(int index, const double *state)
+/* Take a step of the skill from a state, within the limits of speed. */
+static inline void skill_moves_(skill_motion_ *m, const double *state)
 {
-    const skill_part_ *part = &skill_part_table_[index];
-    double y[SKILL_D_], v = 0.0;
-    int i, j;
+#if BENT
+    skill_bent_(m, state);
+#else
+    double factor;
+    int i;
+#if SHARED
+    skill_moved_(&skill_part_table_[m->part], state, state, m->command);
+#else
+    skill_moved_(&skill_part_table_[m->part], state, m->command);
+#endif
+#if FASTER
+    for (i = 0; i < SKILL_D_; ++i) {
+        m->command[i] *= SKILL_SPEED_;
+    }
+#endif
+    factor = fmin(skill_allowed_(m->command, m->max_speed), 1.0);
+    for (i = 0; i < SKILL_D_; ++i) {
+        m->command[i] *= factor;
+        m->next[i] = state[i] + m->period * m->command[i];
+    }
+#endif
+}
+
+/* Where a state is led by a factor times a command. */
+static inline void skill_displaced_(const double *state, double factor, const double *command, double *to)
+{
+    int i;
+#if POSE
+    double turn[3];
+    for (i = 0; i < 3; ++i) {
+        turn[i] = factor * command[3 + i];
+    }
+    skill_turned_(turn, 1.0, state + 3, 1.0, to + 3);
+#endif
+    for (i = 0; i < SKILL_POSITIONS_; ++i) {
+        to[i] = state[i] + factor * command[i];
+    }
+}
+
+/* y of a state, whatever side of half a turn it is on. */
+static inline void skill_lifted_(const skill_part_ *part, const double *state, double *y)
+{
 #if POSE
     const double none[SKILL_D_] = {0.0};
     skill_offset_(state, part->attractor, none, y);
@@ -854,12 +928,30 @@ static inline int skill_over_(int index, const double *state)
 #if LINKS
     skill_forward_(part, y);
 #endif
+}
+
+/* The root of V. */
+static inline double skill_size_(const skill_part_ *part, const double *y)
+{
+    double v = 0.0, row;
+    int i, j;
     for (i = 0; i < SKILL_D_; ++i) {
+        row = 0.0;
         for (j = 0; j < SKILL_D_; ++j) {
-            v += y[i] * part->lyapunov[SKILL_D_ * i + j] * y[j];
+            row += part->lyapunov[SKILL_D_ * i + j] * y[j];
         }
+        v += y[i] * row;
     }
-    return sqrt(v) <= part->end;
+    return sqrt(v);
+}
+#if CHAIN
+
+/* Whether the stage of a part is over: V is at its level or below. */
+static inline int skill_over_(int index, const double *state)
+{
+    double y[SKILL_D_];
+    skill_lifted_(&skill_part_table_[index], state, y);
+    return skill_size_(&skill_part_table_[index], y) <= skill_part_table_[index].end;
 }
 #if BACK
 
@@ -936,14 +1028,277 @@ static inline int skill_onward_(skill_controller *c, const double *state, int pa
 }
 #endif
 
-/* Forget which part acts: the next step is a start. */
-static inline void skill_reset(skill_controller *c)
+/* --- Limits of acceleration and jerk: see skillctl/model/limits.py, whose arithmetic this is. ------------- */
+
+/* In how many periods, a fraction, a command can change so. */
+static inline double skill_change_(const skill_controller *c, const double *change)
+{
+    double size = skill_length_(change, SKILL_POSITIONS_) / (c->max_acceleration * c->period);
+#if POSE
+    size = fmax(size, skill_length_(change + 3, 3) / (c->max_turn_acceleration * c->period));
+#endif
+    return size;
+}
+
+/* In how many periods a command can be brought to zero, at least one. */
+static inline double skill_periods_(const skill_controller *c, const double *command)
+{
+    return fmax(1.0, ceil(skill_change_(c, command) * (1.0 - SKILL_WHOLE_)));
+}
+
+/* Over how many periods commands are averaged. */
+static inline double skill_averaged_(const skill_controller *c)
+{
+    double longest = c->max_jerk <= DBL_MAX ? 2.0 * c->max_acceleration / c->max_jerk : 0.0;
+#if POSE
+    if (c->max_turn_jerk <= DBL_MAX) {
+        longest = fmax(longest, 2.0 * c->max_turn_acceleration / c->max_turn_jerk);
+    }
+#endif
+    return fmax(1.0, ceil(longest / c->period - SKILL_WHOLE_));
+}
+
+static inline int skill_ramps_(const skill_controller *c)
+{
+#if POSE
+    return c->max_acceleration <= DBL_MAX || c->max_turn_acceleration <= DBL_MAX;
+#else
+    return c->max_acceleration <= DBL_MAX;
+#endif
+}
+
+/* Whether nothing is commanded any more. */
+static inline int skill_resting(const skill_controller *c)
+{
+    int i, k;
+    for (k = 0; k < SKILL_AVERAGED; ++k) {
+        for (i = 0; i < SKILL_DIMENSION; ++i) {
+            if (c->sent[k][i] != 0.0) {
+                return 0;
+            }
+        }
+    }
+    return 1;
+}
+
+/* Remember a command, and replace it by the average that is sent. */
+static inline void skill_send_(skill_controller *c, double *command)
+{
+    const int count = (int)skill_averaged_(c);
+    int i, k;
+    for (i = 0; i < SKILL_DIMENSION; ++i) {
+        for (k = count - 1; k > 0; --k) {
+            c->sent[k][i] = c->sent[k - 1][i];
+        }
+        c->sent[0][i] = command[i];
+        for (k = 1; k < count; ++k) {
+            command[i] += c->sent[k][i];
+        }
+        command[i] /= count;
+    }
+}
+
+/* Between which factors of a vector it is within a distance of another one; an empty range if it never is. */
+static inline void skill_chord_(const double *along, const double *centre, int count, double radius,
+                                double *low, double *high)
+{
+    double square = 0.0, product = 0.0, size = 0.0, room;
+    int i;
+    for (i = 0; i < count; ++i) {
+        square += along[i] * along[i];
+        product += along[i] * centre[i];
+        size += centre[i] * centre[i];
+    }
+    room = product * product - square * (size - radius * radius);
+    if (!(square > 0.0) ? sqrt(size) > radius : room < 0.0) {
+        *low = 1.0;
+        *high = 0.0;
+    } else if (square > 0.0) {
+        *low = fmax(*low, (product - sqrt(room)) / square);
+        *high = fmin(*high, (product + sqrt(room)) / square);
+    }
+}
+
+/* Replace a command by the longest along it that is allowed, or else by the nearest to any. */
+static inline void skill_nearest_(const skill_controller *c, double *wanted)
+{
+    const double *last = c->sent[0];
+    double weight, low = 0.0, high = 1.0, along = 0.0, square = 0.0, change[SKILL_D_], size;
+    int i;
+    if (c->max_acceleration <= DBL_MAX) {
+        skill_chord_(wanted, last, SKILL_POSITIONS_, c->max_acceleration * c->period, &low, &high);
+    }
+#if POSE
+    if (c->max_turn_acceleration <= DBL_MAX) {
+        skill_chord_(wanted + 3, last + 3, 3, c->max_turn_acceleration * c->period, &low, &high);
+    }
+#endif
+    if (low <= high) {
+        for (i = 0; i < SKILL_D_; ++i) {
+            wanted[i] *= high;
+        }
+        return;
+    }
+    for (i = 0; i < SKILL_D_; ++i) {
+        weight = 1.0 / (c->max_acceleration * c->period);
+#if POSE
+        weight = i < 3 ? weight : 1.0 / (c->max_turn_acceleration * c->period);
+#endif
+        along += weight * wanted[i] * (weight * last[i]);
+        square += weight * wanted[i] * (weight * wanted[i]);
+    }
+    along = fmin(1.0, fmax(0.0, along / square));
+    for (i = 0; i < SKILL_D_; ++i) {
+        change[i] = along * wanted[i] - last[i];
+    }
+    size = skill_change_(c, change);
+    for (i = 0; i < SKILL_D_; ++i) {
+        wanted[i] = last[i] + change[i] / size;
+    }
+}
+
+static inline void skill_braked_(const skill_controller *c, double *command)
+{
+    const double keep = 1.0 - 1.0 / skill_periods_(c, c->sent[0]);
+    int i;
+    for (i = 0; i < SKILL_D_; ++i) {
+        command[i] = c->sent[0][i] * keep;
+    }
+}
+
+/* Change the command of a step that the skill would like to do, while the robot moves. */
+static inline void skill_eased_(const skill_controller *c, const double *state, skill_motion_ *m)
+{
+    const skill_part_ *part = &skill_part_table_[m->part];
+    skill_motion_ onward = *m;
+    double braked[SKILL_D_], wanted[SKILL_D_], stop[SKILL_D_], here[SKILL_D_], y[SKILL_D_], change[SKILL_D_];
+    double size, ease, share, weight = 1.0;
+    int i, halvings, still = 1;
+#if BODIES
+    double end[SKILL_D_], outside[SKILL_D_], room;
+#if POSE
+    const double none[SKILL_D_] = {0.0};
+#endif
+#endif
+    skill_braked_(c, braked);
+    for (i = 0; i < SKILL_D_; ++i) {
+        still = still && m->command[i] == 0.0;
+        wanted[i] = m->command[i];
+        m->command[i] = braked[i];
+    }
+    if (still) {
+        return;
+    }
+#if RESELECTS
+    onward.part = skill_begun_(0, m->next);
+#endif
+    skill_moves_(&onward, m->next);
+    for (i = 0; i < SKILL_D_; ++i) {
+        change[i] = onward.command[i] - wanted[i];
+    }
+    size = skill_change_(c, change);
+    ease = size > 0.0 ? fmin(1.0, sqrt(SKILL_FOLLOWING_ / size)) : 1.0;
+    for (i = 0; i < SKILL_D_; ++i) {
+        wanted[i] *= ease;
+    }
+    skill_nearest_(c, wanted);
+    /* The stop has to fall as along the skill's own step, or a share of that. */
+    skill_lifted_(part, state, here);
+    skill_lifted_(part, m->next, y);
+    share = skill_size_(part, here) - skill_size_(part, y);
+    for (i = 0; i < SKILL_D_; ++i) {
+        change[i] = y[i] - here[i];
+    }
+    size = skill_size_(part, change);
+    share = size > 0.0 ? SKILL_DESCENT_ * share / size : 0.0;
+    skill_displaced_(state, 0.5 * (skill_periods_(c, c->sent[0]) - 1.0) * c->period, c->sent[0], stop);
+    skill_lifted_(part, stop, here);
+#if BODIES
+#if POSE
+    skill_offset_(state, part->attractor, none, end);
+#else
+    skill_offset_(state, part->attractor, end);
+#endif
+    room = skill_room_(part, end);
+#endif
+    for (halvings = 0; halvings <= SKILL_HALVINGS_; ++halvings, weight *= 0.5) {
+        for (i = 0; i < SKILL_D_; ++i) {
+            m->command[i] = braked[i] + weight * (wanted[i] - braked[i]);
+        }
+        skill_displaced_(state, 0.5 * (skill_periods_(c, m->command) + 1.0) * c->period, m->command, stop);
+        skill_lifted_(part, stop, y);
+        for (i = 0; i < SKILL_D_; ++i) {
+            change[i] = y[i] - here[i];
+        }
+        if (share > 0.0 &&
+            !(skill_size_(part, here) - skill_size_(part, y) >= share * skill_size_(part, change))) {
+            continue;
+        }
+#if BODIES
+        if (room < HUGE_VAL) { /* the straight way to the stop has to be free */
+#if POSE
+            skill_offset_(stop, part->attractor, none, end);
+#else
+            skill_offset_(stop, part->attractor, end);
+#endif
+            for (i = 0; i < SKILL_D_; ++i) {
+                outside[i] = y[i];
+            }
+            skill_back_(part, outside);
+            for (i = 0; i < SKILL_D_; ++i) {
+                outside[i] -= end[i];
+            }
+            skill_difference_(stop, state, change);
+            if (!(skill_length_(change, SKILL_POSITIONS_) <= room &&
+                  skill_length_(outside, SKILL_D_) <= SKILL_CLOSED_ * skill_length_(end, SKILL_D_))) {
+                continue;
+            }
+        }
+#endif
+        return;
+    }
+    for (i = 0; i < SKILL_D_; ++i) {
+        m->command[i] = braked[i];
+    }
+}
+
+static inline void skill_start_anew_(skill_controller *c, int stage)
 {
     c->part = -1;
 #if CHAIN
-    c->begin = 0;
+    c->begin = stage;
     skill_course_begin_(c);
+#else
+    (void)stage;
 #endif
+}
+
+/* Forget which part acts, and what was commanded: the next step is a start from rest. */
+static inline void skill_reset(skill_controller *c)
+{
+    int i, k;
+    for (k = 0; k < SKILL_AVERAGED; ++k) {
+        for (i = 0; i < SKILL_DIMENSION; ++i) {
+            c->sent[k][i] = 0.0;
+        }
+    }
+    skill_start_anew_(c, 0);
+}
+
+/* Write the next command of a straight way to rest, within the limits of acceleration and jerk. */
+static inline void skill_brake(skill_controller *c, double command[SKILL_DIMENSION])
+{
+    double from[SKILL_DIMENSION];
+    int i;
+    for (i = 0; i < SKILL_DIMENSION; ++i) {
+        command[i] = 0.0;
+        from[i] = c->next[i];
+    }
+    if (skill_ramps_(c)) {
+        skill_braked_(c, command);
+        skill_send_(c, command);
+    }
+    skill_displaced_(from, c->period, command, c->next);
 }
 #if CHAIN
 
@@ -953,8 +1308,7 @@ static inline int skill_go(skill_controller *c, int stage)
     if (stage < 0 || stage >= SKILL_STAGES) {
         return SKILL_BAD_STAGE;
     }
-    skill_reset(c);
-    c->begin = stage;
+    skill_start_anew_(c, stage);
     return SKILL_OK;
 }
 
@@ -971,9 +1325,9 @@ static inline int skill_begin_unproved(skill_controller *c, double period)
 {
     int i;
     c->period = period > 0.0 && period <= DBL_MAX ? period : 0.0;
-    c->max_speed = HUGE_VAL;
+    c->max_speed = c->max_acceleration = c->max_jerk = HUGE_VAL;
 #if POSE
-    c->max_turn = HUGE_VAL;
+    c->max_turn = c->max_turn_acceleration = c->max_turn_jerk = HUGE_VAL;
 #endif
 #if CHAIN
     c->busy = 0;
@@ -1000,15 +1354,14 @@ static inline int skill_begin(skill_controller *c, double period)
 static inline int skill_step(skill_controller *c, const double state[SKILL_DIMENSION],
                              double command[SKILL_DIMENSION])
 {
-    int i, part;
+    skill_motion_ m;
+    double ahead[SKILL_DIMENSION];
+    int i, k, part, averaged, moving = 0, ramps;
 #if CHAIN
     int stage;
 #endif
 #if BACK
     double best, familiarity;
-#endif
-#if !BENT
-    double factor;
 #endif
     for (i = 0; i < SKILL_DIMENSION; ++i) {
         command[i] = 0.0;
@@ -1016,13 +1369,19 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
     if (!(c->period > 0.0)) {
         return SKILL_BAD_PERIOD;
     }
-#if POSE
-    if (!(c->max_speed > 0.0 && c->max_turn > 0.0)) {
-#else
-    if (!(c->max_speed > 0.0)) {
-#endif
+    if (!(c->max_speed > 0.0 && c->max_acceleration > 0.0 && c->max_jerk > 0.0)) {
         return SKILL_BAD_LIMIT;
     }
+#if POSE
+    if (!(c->max_turn > 0.0 && c->max_turn_acceleration > 0.0 && c->max_turn_jerk > 0.0)) {
+        return SKILL_BAD_LIMIT;
+    }
+#endif
+    if (!(skill_averaged_(c) <= SKILL_AVERAGED)) { /* or a jerk without an acceleration */
+        return SKILL_BAD_LIMIT;
+    }
+    averaged = (int)skill_averaged_(c);
+    ramps = skill_ramps_(c);
     for (i = 0; i < SKILL_DIMENSION; ++i) {
         if (!(fabs(state[i]) <= DBL_MAX)) {
             return SKILL_BAD_STATE;
@@ -1067,29 +1426,55 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
     }
 #endif
 #endif
+    m.period = c->period;
+    m.max_speed = c->max_speed;
+#if POSE
+    m.max_turn = c->max_turn;
+    for (i = 0; i < SKILL_DIMENSION; ++i) {
+        m.offset[i] = c->offset[i];
+    }
+#endif
+    for (i = 0; i < SKILL_DIMENSION; ++i) {
+        ahead[i] = state[i];
+        moving = moving || c->sent[0][i] != 0.0;
+    }
+    if (ramps) {
+        for (i = 0; i < SKILL_DIMENSION; ++i) {
+            command[i] = 0.0;
+            for (k = 0; k < averaged; ++k) {
+                command[i] += (averaged - 1 - k) * (c->period / averaged) * c->sent[k][i];
+            }
+        }
+        if (averaged > 1) {
+            skill_displaced_(state, 1.0, command, ahead);
+        }
+        if (!moving) { /* from rest: what one period reaches */
+            m.max_speed = fmin(m.max_speed, c->max_acceleration * c->period);
+#if POSE
+            m.max_turn = fmin(m.max_turn, c->max_turn_acceleration * c->period);
+#endif
+        }
+    }
 #if RESELECTS
-    part = skill_begun_(0, state);
+    part = skill_begun_(0, ahead);
 #endif
     c->part = part;
-#if BENT
-    skill_bent_(c, state, command);
-#else
-#if SHARED
-    skill_moved_(&skill_part_table_[c->part], state, state, command);
-#else
-    skill_moved_(&skill_part_table_[c->part], state, command);
-#endif
-#if FASTER
-    for (i = 0; i < SKILL_DIMENSION; ++i) {
-        command[i] *= SKILL_SPEED_;
+    m.part = part;
+    skill_moves_(&m, ahead);
+    if (ramps) {
+        if (moving) {
+            skill_eased_(c, ahead, &m);
+        }
+        skill_send_(c, m.command);
+        skill_displaced_(state, c->period, m.command, m.next);
     }
-#endif
-    factor = fmin(skill_allowed_(command, c->max_speed), 1.0);
     for (i = 0; i < SKILL_DIMENSION; ++i) {
-        command[i] *= factor;
-        c->next[i] = state[i] + c->period * command[i];
-    }
+        command[i] = m.command[i];
+        c->next[i] = m.next[i];
+#if POSE
+        c->offset[i] = m.offset[i];
 #endif
+    }
     return SKILL_OK;
 }
 
@@ -1135,6 +1520,8 @@ int main(void)
     bad += skill_go(&controller, SKILL_STAGES) == SKILL_OK || skill_stage(&controller) >= 0;
 #endif
     bad += !(skill_remaining(skill_targets[0]) < 1e-9);
+    skill_brake(&controller, command);
+    bad += !skill_resting(&controller);
     for (k = 0; k < count; ++k) {
         skill_begin_unproved(&controller, SKILL_TEST_PERIOD);
         controller.max_speed = skill_tests_[k].max_speed;

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from skillctl.codegen.tables import inner_of
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.coordinates.keep_out import KeepOut
+from skillctl.model.limits import Limits
 from skillctl.model.skill import Skill, extent
 from skillctl.model.space import Space
 
@@ -24,19 +24,16 @@ OUTSIDE = 1.1  # times √V at the end of a stage
 AROUND = (0.5, 2.5)  # radii of a body away from its pole: in it, near it, and at the end of its influence
 
 
-Limits: TypeAlias = tuple[float, float]  # of the speed and of the turning speed; infinite if there is none
-
-
 def stepped(controller: Controller, state: FloatArray, limits: Limits, busy: bool = False) -> FloatArray:
-    """Return the command (d,) of a controller for a state (d,) within limits."""
-    speed, turn = (None if limit == math.inf else limit for limit in limits)
+    """Return the command (d,) of a controller for a state (d,) within limits of its speed."""
+    speed, turn = (None if limit == math.inf else limit for limit in (limits.speed, limits.turn))
     return controller.step(state, max_speed=speed, max_turn=turn, busy=busy)
 
 
-def shares_of(speeds: Limits, shares: Limits) -> Limits:
+def capped(speeds: tuple[float, float], shares: tuple[float, float]) -> Limits:
     """Return limits that are shares of speeds; none where nothing moves."""
-    one, other = (share * v if v > SLOW else math.inf for v, share in zip(speeds, shares, strict=True))
-    return one, other
+    speed, turn = (share * v if v > SLOW else math.inf for v, share in zip(speeds, shares, strict=True))
+    return Limits(speed=speed, turn=turn)
 
 
 def states_around(skill: Skill, count: int, taught: Sequence[FloatArray], seed: int = 0) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from skillctl.arrays import FloatArray
 from skillctl.codegen.text import braced, constant, number, quoted
 from skillctl.errors import UsageError
+from skillctl.model import limits
 from skillctl.model.chained import WAIT, ChainedSkill
 from skillctl.model.coordinates.chain import Link, OnPosition
 from skillctl.model.coordinates.gauge import Gauge
@@ -58,6 +59,9 @@ class Tables:
             self.limits["DISTURBANCE"] = number(skill.disturbance_distance)
         self._raise("PARTS_", len(parts))
         self.limits["SPEED_"] = number(skill.outer_speed)
+        for name in ("WHOLE", "FOLLOWING", "DESCENT", "CLOSED"):
+            self.limits[f"{name}_"] = number(getattr(limits, name))
+        self.limits["HALVINGS_"] = str(limits.HALVINGS)
         self.limits["ROUNDING_"] = number(ROUNDING)
         self.limits["TRIALS_"], self.limits["CLOSE_"] = str(SHARES), number(CLOSE)
         if isinstance(skill.space, Pose):
@@ -93,6 +97,7 @@ class Tables:
             self._table("double", part.component_matrices.reshape(count, -1)),
             self._table("double", part.attractor),
             self._table("double", part.anchor),
+            self._table("double", part.lyapunov.ravel()),
         ]
         if isinstance(skill, ChainedSkill):
             record += self._chained(skill, index)
@@ -124,8 +129,7 @@ class Tables:
     def _chained(self, chain: ChainedSkill, index: int) -> list[str]:
         """Return what a part of a chain has beside others."""
         part, stage = chain.acting_parts[index], chain.stage_of(index)
-        table = self._table("double", part.lyapunov.ravel())
-        record = [str(stage), number(math.sqrt(chain.levels[stage])), table]
+        record = [str(stage), number(math.sqrt(chain.levels[stage]))]
         if self.features["BACK"]:
             density = part.density
             origin = density.priors @ density.means
