@@ -366,6 +366,7 @@ def main() -> int:
     seconds = 3600 * options.hours if options.seconds is None else options.seconds
     began = time.monotonic()
     load_everything()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
         done = soak(folder, seconds, options)
