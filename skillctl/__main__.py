@@ -5,15 +5,16 @@ An interrupt while the imports up here run is Python's to tell about, so they ar
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import gc
 import io
 import os
 import signal
 import sys
-import threading
 import time
 import warnings
+from contextlib import suppress
 
 from skillctl.errors import Terminated
 
@@ -82,7 +83,9 @@ def _end_in_time() -> None:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing)
-    threading.Thread(target=_end_late, args=(reading,), daemon=True).start()
+    # ``threading.Thread`` would wait for ever for a thread that ends before it has begun, without memory.
+    with suppress(RuntimeError):
+        _thread.start_new_thread(_end_late, (reading,))
 
 
 def _end_late(signals: int) -> None:

@@ -256,7 +256,7 @@ def become(command: Command, store: Path, own: Path, output: tuple[int, int], rn
             resource.setrlimit(resource.RLIMIT_FSIZE, (rng.randint(0, 40) << 10,) * 2)
         elif command.trouble == "little memory":
             taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-            resource.setrlimit(resource.RLIMIT_AS, (taken + (rng.randint(0, 32) << 20),) * 2)
+            resource.setrlimit(resource.RLIMIT_AS, (taken + (rng.randint(4, 32) << 20),) * 2)
         sys.argv = ["skillctl", *command.words, "--json"]
         main_of_skillctl()
         code = 0
@@ -366,6 +366,7 @@ def main() -> int:
     seconds = 3600 * options.hours if options.seconds is None else options.seconds
     began = time.monotonic()
     load_everything()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
         done = soak(folder, seconds, options)
