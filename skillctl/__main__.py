@@ -7,19 +7,15 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
 import threading
 import time
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from skillctl.errors import Terminated
-
-if TYPE_CHECKING:
-    from skillctl.cli.exit_codes import ExitCode
 
 GRACE = 5.0  # [s], for whoever unwinds in order
 
@@ -48,6 +44,9 @@ def _run() -> None:
     atexit.register(gc.freeze)  # the last collection of what dies anyway took a quarter of a command's time
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # they speak to developers; tests turn them into errors
+    if isinstance(getattr(sys.stdout, "buffer", None), io.RawIOBase):
+        # PYTHONUNBUFFERED: what does not fit on the disk any more would be lost without an error.
+        sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115 - it lasts, too
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # ξ on a Latin-1 terminal is no reason to stop
@@ -80,21 +79,20 @@ def _end_in_time() -> None:
 
     They do for as long as one product of large matrices takes. What is half written then is swept later.
     """
-    from skillctl.cli.exit_codes import ExitCode  # late, as all imports of this module
-
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing)
-    codes = {int(signal.SIGTERM): ExitCode.TERMINATED, int(signal.SIGINT): ExitCode.INTERRUPTED}
-    threading.Thread(target=_end_late, args=(reading, codes), daemon=True).start()
+    threading.Thread(target=_end_late, args=(reading,), daemon=True).start()
 
 
-def _end_late(signals: int, codes: Mapping[int, ExitCode]) -> None:
-    while (code := codes.get(os.read(signals, 1)[0])) is None:
+def _end_late(signals: int) -> None:
+    from skillctl.cli.output import Output
+
+    stops = {int(signal.SIGTERM): Terminated, int(signal.SIGINT): KeyboardInterrupt}
+    while (stop := stops.get(os.read(signals, 1)[0])) is None:
         pass
     time.sleep(GRACE)
-    os.write(2, f"error: {code.meaning}.\n".encode())
-    os._exit(code)
+    os._exit(Output.for_arguments(sys.argv[1:]).fail(stop()))
 
 
 def _terminate(*_: object) -> None:

@@ -23,7 +23,7 @@ COMMANDS = {
     "learn": "Learn a skill from demonstrations.",
     "merge": "Merge skills: all act together on one target.",
     "combine": "Combine skills: where it starts decides which acts.",
-    "chain": "Chain skills: one acts after the other, with events between.",
+    "chain": "Chain skills: one acts after the other.",
     "adapt": "Find a skill for a task: alone, merged or combined.",
     "inspect": "Show what is in a skill.",
     "verify-stability": "Prove that skills reach their target.",

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Example:
-  skillctl chain approach retreat --event 1:close --event '1:wait 0.5' --name take
-  skillctl chain take carry leave --within 5mm --within 2:2cm --on-jump back -o cup.h5
-  skillctl chain reach reach --target 1=0.62,0.1,0.5 --target 2=0.62,-0.1,0.76 --name twice"""
+  skillctl chain approach retreat --event 1:close --within 2:2cm --name take
+  skillctl chain take carry leave --within 5mm --on-jump back -o cup.h5
+  skillctl chain reach reach --target 2=0.62,-0.1,0.76 --name twice"""
 
 
 def chain(

@@ -34,7 +34,7 @@ class FrankaArm(Driver):
             self._robot = franky.Robot(self._host, realtime_config=urgent)
             self._robot.recover_from_errors()
         except self.faults as error:
-            raise NotFoundError(f"no Franka arm answers at {self._host}: {error}.") from None
+            raise NotFoundError(f"no Franka arm answers at {self._host}: {str(error).rstrip('.')}.") from None
         self._gripper: Any = None
         self._gripping: Any = None
 

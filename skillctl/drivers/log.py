@@ -13,13 +13,16 @@ from typing import Any
 import numpy as np
 
 from skillctl.arrays import FloatArray
-from skillctl.errors import InputDataError, NotFoundError, printable
+from skillctl.demonstrations.files import LIMITS, NO_PLUGINS, File, read_bytes
+from skillctl.errors import InputDataError, printable
 from skillctl.model.space import Space
+from skillctl.workers.child import Child
 
 FORMAT = "skillctl run 1"
 NUMBERS = 5  # of a row, before state and command
 WHOLE = ("stage", "part", "resting")  # of these
-LONGEST = 100_000_000  # numbers of one dataset that is read
+HAND = ("hand_x", "hand_y", "hand_z", "hand_qx", "hand_qy", "hand_qz", "hand_qw")  # of `simulate`
+HINT = "A log is written by `run --log F.h5`, or by `simulate --log F.h5`."
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,39 +112,33 @@ def read_log(path: Path, space: Space) -> Recorded:
         NotFoundError: There is no such file.
         InputDataError: It is no such log, or one of another kind of states.
     """
-    import h5py
-
-    name = printable(str(path))
-    if not path.is_file():
-        raise NotFoundError(f"{name}: there is no such file.", hint="Name a log that `run --log` wrote.")
+    if not (content := read_bytes(path)):
+        raise InputDataError(f"{printable(str(path))} is a folder; a log is one file.", hint=HINT)
+    with Child(LIMITS, NO_PLUGINS) as child:
+        found = File(path, content, None, child).opened(columns_of, "log")
     try:
-        with h5py.File(path, "r") as log:
-            if "state" in log:
-                times, states = _array(log, "t"), _array(log, "state", axes=2)
-                commands = _array(log, "command", axes=2)[_array(log, "resting") == 0]
-            else:
-                names = [f"hand_{axis}" for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")]
-                turns = space.positions < space.dimension
-                columns = [_array(log, each) for each in names[: 7 if turns else 3]]
-                states = np.array([space.measured(row) for row in np.column_stack(columns)])
-                times, commands = _array(log, "t"), None
-    except (OSError, LookupError, ValueError, RuntimeError) as error:
-        raise InputDataError(
-            f"{name} is no log of states: {printable(str(error))}.",
-            hint="A log is written by `run --log F.h5`, or by `simulate --log F.h5`.",
-        ) from None
-    fits = states.shape == (len(times), space.dimension)
-    if not fits or len(times) < 2 or not (np.diff(times) > 0).all():
-        raise InputDataError(
-            f"{name}: expected at least two states of {', '.join(space.names)} at increasing times."
-        )
+        if "state" in found:
+            times, states = found["t"], found["state"]
+            commands = found["command"][found["resting"] == 0]
+        else:
+            turns = space.positions < space.dimension
+            rows = np.column_stack([found[name] for name in HAND[: 7 if turns else 3]])
+            times, states, commands = found["t"], np.array([space.measured(row) for row in rows]), None
+    except (LookupError, ValueError):
+        raise InputDataError(f"{printable(str(path))} is no log of states.", hint=HINT) from None
+    fits = times.ndim == 1 and states.shape == (times.size, space.dimension)
+    if not fits or times.size < 2 or not (np.diff(times) > 0).all():
+        wanted = f"at least two states of {', '.join(space.names)} at increasing times"
+        raise InputDataError(f"{printable(str(path))}: expected {wanted}.", hint=HINT)
     return Recorded(times, states, commands)
 
 
-def _array(log: Any, name: str, axes: int = 1) -> FloatArray:
-    """Return a dataset of numbers, or raise LookupError or ValueError."""
-    data = log[name]
-    numbers = getattr(data, "dtype", None) is not None and data.dtype.kind in "fi"
-    if not numbers or data.ndim != axes or data.size > LONGEST:
-        raise ValueError(f"{name} is no array of numbers with {axes} axes")
-    return np.asarray(data[()], dtype=np.float64)
+def columns_of(path: str) -> dict[str, FloatArray]:
+    """Return what a log has of what is replayed; called in a child process, see ``File.opened``."""
+    from skillctl.demonstrations import hdf5
+
+    with hdf5.root_of(path) as root:
+        found = {name: hdf5.array(root, name) for name in ("t", "state", "command", "resting", *HAND)}
+        there = {name: dataset for name, dataset in found.items() if dataset is not None}
+        hdf5.require_small(there.values())
+        return {name: hdf5.numbers(dataset) for name, dataset in there.items()}

@@ -35,7 +35,7 @@ class UniversalRobot(Driver):
             self._control = control.RTDEControlInterface(setup.address)
             self._io = io.RTDEIOInterface(setup.address)
         except RuntimeError as error:
-            raise NotFoundError(f"no arm answers at {setup.address}: {error}.") from None
+            raise NotFoundError(f"no arm answers at {setup.address}: {str(error).rstrip('.')}.") from None
         self._control.setWatchdog(1 / self.patience)
         self._acceleration = setup.max_acceleration
 

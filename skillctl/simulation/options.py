@@ -41,6 +41,8 @@ def read_bound(text: str) -> tuple[str, Any]:
     if not (sign and stage.strip().isdigit()):
         raise ValueError(f"{text!r} is not STAGE=NAME, as in 1=cup.")
     name = what.strip()
+    if name.isalpha() and name not in NAMES:
+        raise ValueError(f"{name!r} is none of {', '.join(NAMES)}; or give coordinates, as in 1=0.4,0,0.5.")
     return stage.strip(), name if name in NAMES else read_point(name)
 
 

@@ -83,4 +83,6 @@ def _refusing(name: str) -> Iterator[None]:
     except (Refusal, InvalidModelError, InputDataError) as error:
         raise InvalidArtifactError(name, str(error).rstrip(".")) from error
     except Exception as error:  # h5py raises seven types of exception on contents it cannot read
+        if isinstance(error.__cause__, KeyboardInterrupt):  # in h5py's own code it becomes a SystemError
+            raise error.__cause__ from None
         raise InvalidArtifactError(name, f"HDF5 cannot read it ({error!r:.200})") from error

@@ -182,18 +182,18 @@ def _remove(
     for name, numbers in sorted(doomed.items()):
         try:
             gone = _gone(registry, name, numbers, tagged, dry_run)
+            words = by_version(gone.aliases)
+            removed += [
+                Removal(f"{name}@{number}", registry.path_of(name, number), words.get(number, ()))
+                for number in gone.versions
+            ]
             kept += len(registry.versions(name)) - (len(gone.versions) if dry_run else 0)
         except NotFoundError:
             continue
         except SkillctlError as error:
-            if removed:
+            if removed and not dry_run:
                 error.add(f"Removed before that: {', '.join(each.skill for each in removed)}.")
             raise
-        words = by_version(gone.aliases)
-        removed += [
-            Removal(f"{name}@{number}", registry.path_of(name, number), words.get(number, ()))
-            for number in gone.versions
-        ]
     return RemoveReport(registry.root, tuple(removed), kept, dry_run)
 
 

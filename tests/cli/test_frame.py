@@ -386,6 +386,17 @@ main()
 """
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_result_that_fits_in_part_is_no_success(tmp_path, library, unbuffered):
+    """Python without buffers does not see that the disk took a part only."""
+    limited = f"ulimit -f 1; exec {sys.executable} -m skillctl inspect plain --json > {tmp_path / 'out'}"
+    surroundings = {**os.environ, "SKILLCTL_STORE": str(library), "PYTHONUNBUFFERED": unbuffered}
+    command = ["bash", "-c", limited]
+    result = subprocess.run(command, env=surroundings, capture_output=True, text=True, check=False)
+    assert result.returncode == 8
+    assert json.loads(result.stderr)["message"] == "standard output cannot be written: File too large."
+
+
 @pytest.mark.parametrize(("number", "code", "word"), [(2, 130, "interrupted"), (15, 143, "terminated")])
 def test_a_signal_while_an_object_is_removed_is_not_lost(tmp_path, number, code, word):
     """Python ignores what is raised then, and prints a traceback."""

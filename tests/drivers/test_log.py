@@ -142,7 +142,7 @@ def test_a_log_that_is_not_there_is_named(library, tmp_path):
     space = load("reach", store=library).space
     with pytest.raises(NotFoundError, match="there is no such file"):
         read_log(tmp_path / "a.h5", space)
-    with pytest.raises(NotFoundError):
+    with pytest.raises(InputDataError, match="is a folder; a log is one file"):
         read_log(tmp_path, space)
 
 

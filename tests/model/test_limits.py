@@ -152,6 +152,18 @@ def test_v_never_rises_at_the_place_of_rest(make_kind, kind, limits, seed):
     assert values[-1][-1] < values[-1][0]
 
 
+@pytest.mark.parametrize(("kind", "limits"), [("learned", SOFTER), ("bent pose", SOFT)])
+def test_the_place_of_rest_is_the_one_that_is_used(make_kind, kind, limits):
+    skill, x = make_kind(kind, 1)
+    controller = Controller(skill, PERIOD, limits=limits)
+    for step in range(200):
+        x = skill.space.displace_at(x, PERIOD * controller.step(x))
+        if step % 20 == 0:
+            ramp = controller._ramp
+            used = ramp._moved(ramp.ahead(x), ramp._commands[0], ramp._steps(ramp._commands[0]) - 1)
+            assert skill.space.distance_at(used, rest_of(controller, x)) < 1000 * EPS
+
+
 def straight(rate=2.0):
     """Return a skill that moves straight to zero in the plane, as ẋ = −rate x."""
     from skillctl.model.mixture import GaussianMixture

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
 from skillctl.model.seds import SedsSkill
@@ -119,3 +120,48 @@ def test_the_target_is_the_acting_parts_or_the_nearest(
 def test_a_hand_at_its_target_stays_there(linear: MakeLinear) -> None:
     motion = Motion(linear((0.5, 0.0, 0.5)), HERE, Scenario())
     assert (motion.velocity(np.array([0.5, 0.0, 0.5])) == 0).all()
+
+
+def test_a_stage_begins_anew_where_a_hand_that_yields_was_pushed(linear: MakeLinear) -> None:
+    left, right = (linear((0.5, 0.0, 0.5), centre=(0.4, y, 0.5), spread=0.1) for y in (0.2, -0.2))
+    combined = CombinedSkill((left, right), np.array([0.5, 0.5]), disturbance_distance=0.05)
+    chain = ChainedSkill(
+        parts=(combined, linear((0.5, 0.5, 0.5))),
+        levels=np.full(2, 1e-6),
+        events=((), ()),
+        disturbance_distance=0.05,
+    )
+    parts = {}
+    for skill in (chain, combined):
+        motion, position = Motion(skill, HERE, Scenario()), np.array([0.4, 0.04, 0.5])
+        for _ in range(120):
+            velocity = motion.velocity(position)
+            position = position + CONTROL_PERIOD * (velocity - [0.0, 0.3, 0.0])  # steps of 1.3 mm: no jumps
+        assert position[1] < -0.05
+        parts[skill.kind] = motion.part
+    assert parts == {"chain": 1, "combined": 0}
+
+
+def test_a_hand_that_joints_slow_down_was_not_pushed(
+    linear: MakeLinear, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    targets = ((0.5, 0.0, 0.5), (0.5, 0.5, 0.5))
+    chain = ChainedSkill(
+        parts=tuple(map(linear, targets)),
+        levels=np.full(2, 1e-6),
+        events=((), ()),
+        disturbance_distance=2e-3,
+    )
+    begun: list[int] = []
+    monkeypatch.setattr(Controller, "go", lambda _, stage: begun.append(stage))
+    motion, start = Motion(chain, HERE, Scenario()), np.array([0.1, 0.1, 0.5])
+    position, asked = start, np.zeros(3)
+    for _ in range(240):
+        velocity = motion.velocity(position)
+        motion.slowed(0.9)
+        position, asked = (
+            position + 0.9 * CONTROL_PERIOD * velocity,
+            asked + CONTROL_PERIOD * velocity,
+        )
+    assert np.linalg.norm(start + asked - position) > 2e-3  # what it was not given is more than a jump
+    assert begun == []

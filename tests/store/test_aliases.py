@@ -11,6 +11,7 @@ import pytest
 from skillctl import store
 from skillctl.errors import NotFoundError, StoreError, UsageError
 from skillctl.store import errors, files
+from skillctl.usecases.versions import collect
 
 
 @pytest.fixture
@@ -151,6 +152,19 @@ def test_a_removal_that_the_disk_refuses_says_what_is_gone(registry, monkeypatch
             registry.remove("reach", [1])
     assert str(caught.value).endswith(said)
     assert registry.versions("reach") == left
+
+
+def test_what_is_gone_is_said_even_if_what_is_kept_cannot_be_counted(registry, monkeypatch):
+    listed = store.Registry.versions
+
+    def refusing(self, name):
+        if not self.path_of(name, 1).exists():
+            raise StoreError("cannot list it.")
+        return listed(self, name)
+
+    monkeypatch.setattr(store.Registry, "versions", refusing)
+    with pytest.raises(StoreError, match=r"cannot list it\. Removed before that: reach@1, reach@2\."):
+        collect(["reach"], keep_last=1, store=registry.root)
 
 
 def test_a_version_that_was_tagged_meanwhile_is_kept_or_refused(registry):

@@ -160,3 +160,14 @@ def test_on_a_disk_that_refuses_old_versions_stay_whole_and_nothing_is_left(
     assert "cannot publish reach in " in said
     assert cause in said
     assert left == "['1.h5'] True"
+
+
+def test_an_interrupt_inside_of_h5py_says_nothing_about_the_file(versions, monkeypatch):
+    """Its compiled code turns some into a SystemError, which is how HDF5 answers damage, too."""
+
+    def interrupted(*_, **__):
+        raise SystemError("returned a result with an exception set") from Terminated()
+
+    monkeypatch.setattr("h5py.File", interrupted)
+    with pytest.raises(Terminated):
+        store.digest_of(versions[0])

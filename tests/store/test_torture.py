@@ -29,15 +29,29 @@ def test_no_spoiled_artifact_crashes_hangs_or_is_silently_read_as_another(tmp_pa
 
 
 def test_whoever_is_killed_or_interrupted_leaves_a_whole_store(tmp_path):
-    arguments = ("--count", 12, "--stride", 23, "--commands", 2, "--writers", 4, "--each", 4)
+    arguments = (
+        "--count", 12, "--stride", 23, "--commands", 2, "--writers", 4, "--each", 4, "--seconds", 3,
+    )  # fmt: skip
     said = command("kill", *arguments, folder=tmp_path).splitlines()
     assert [line.split(":")[0] for line in said] == [
         "killed at random", "killed before a line", "interrupted before a line", "terminated before a line",
-        "commands stopped", "writers at once",
+        "commands stopped", "a fault at a call", "beside each other", "writers at once",
     ]  # fmt: skip
     assert "BROKE" not in "".join(said)
     for line in said[1:3]:  # each operation was stopped at several places
         assert all(int(n) >= 3 for n in re.findall(r"(?:publish|tag|untag|remove)\w* (\d+)", line))
+
+
+def test_the_reader_decides_definiteness_exactly(tmp_path):
+    said = command("definite", "--count", 150, folder=tmp_path)
+    for verdict in ("accepted", "refused"):
+        assert int(re.search(rf"should be {verdict}, was {verdict}: (\d+)", said)[1]) > 30
+    assert "\n0 broke a rule" in said
+
+
+def test_scenarios_with_extreme_numbers_end(tmp_path):
+    skill = Path(__file__).parents[2] / "skills" / "top-centre" / "1.h5"
+    assert "\n0 broke a rule" in command("scenarios", skill, "--stride", 73, folder=tmp_path)
 
 
 def test_what_random_commands_say_is_true_whatever_happens_to_them(tmp_path):

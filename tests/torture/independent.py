@@ -92,6 +92,8 @@ def _datasets(group: h5py.Group) -> Iterator[tuple[str, np.ndarray]]:
 def _digest(arrays: dict[str, np.ndarray]) -> str:
     content = hashlib.sha256(b"skill-v2\n")
     for path, array in arrays.items():  # in the order of the paths
+        if path.startswith("/golden/"):
+            continue
         shape = ",".join(map(str, array.shape))
         content.update(f"{path} <{array.dtype.str[1:]} {shape}\n".encode("ascii"))
         content.update(np.ascontiguousarray(array).tobytes())

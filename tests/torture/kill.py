@@ -1,8 +1,9 @@
 """Kill whoever writes to a store, and look at what is left: python tests/torture/kill.py --count 300
 
-Processes that publish, tag and remove are killed at random moments; each operation is killed, and
-interrupted, before every line of its program; whole commands are stopped at random; and many writers publish
-at once. After each, the store is read as a whole. The exit code is 1 if a rule was broken.
+Processes that publish, tag, untag, remove, collect and lock are killed at random moments. Each operation is
+killed, and interrupted, before every line of its program, and each of its calls to the system fails. Whole
+commands are stopped at random. All that commands do goes on beside each other, and many writers publish at
+once. After each, the store is read as a whole. The exit code is 1 if a rule was broken.
 """
 
 from __future__ import annotations
@@ -16,17 +17,23 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from beside import all_beside
 from commands import stop_commands
+from faults import every_call
 from leftovers import Finding, Ledger, require_clean, require_sweepable
 from lines import every_line
 from processes import Tell, content, finished, forked, without_unnamed_files
 
 from skillctl import store
+from skillctl.errors import NotFoundError
+from skillctl.usecases.lock import lock
+from skillctl.usecases.versions import collect
 
 
 def churn(root: Path, name: str, tell: Tell) -> None:
@@ -44,11 +51,25 @@ def churn(root: Path, name: str, tell: Tell) -> None:
             tell(f"tagging release {published.version}")
             registry.tag("reach", published.version, "release")
             tell(f"tagged release {published.version}")
-        if rng.random() < 0.2:
-            doomed = mine.pop(rng.randrange(len(mine)))
-            tell(f"removing {doomed}")
-            registry.remove("reach", [doomed])
-            tell(f"removed {doomed}")
+        if rng.random() < 0.1:
+            tell("tagging release 0")
+            with suppress(NotFoundError):
+                registry.untag("reach", "release")
+            tell("tagged release 0")
+        if rng.random() < 0.1:
+            lock(["reach"], path=root / "skillctl.lock", store=root)
+        if rng.random() < 0.1:
+            aliases = registry.aliases("reach").values()
+            doomed = [version for version in registry.versions("reach")[:-4] if version not in aliases]
+            tell(" ".join(["removing", *map(str, doomed)]))
+            collect(["reach"], keep_last=4, keep_tagged=True, store=root)
+            tell(" ".join(["removed", *map(str, doomed)]))
+            mine = [version for version in mine if version not in doomed]
+        if mine and rng.random() < 0.2:
+            doomed_one = mine.pop(rng.randrange(len(mine)))
+            tell(f"removing {doomed_one}")
+            registry.remove("reach", [doomed_one])
+            tell(f"removed {doomed_one}")
 
 
 def random_kills(folder: Path, count: int, seed: int) -> Counter[str]:
@@ -97,6 +118,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=300, help="kills at random moments")
     parser.add_argument("--commands", type=int, default=60, help="whole commands that are stopped")
     parser.add_argument("--stride", type=int, default=1, help="lines from one stop to the next")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of all commands beside each other")
     parser.add_argument("--writers", type=int, default=8, help="writers at once")
     parser.add_argument("--each", type=int, default=50, help="versions of each writer")
     parser.add_argument("--seed", type=int, default=0)
@@ -109,6 +131,8 @@ def main() -> int:
         "interrupted before a line": lambda folder: every_line(folder, signal.SIGINT, stride),
         "terminated before a line": lambda folder: every_line(folder, signal.SIGTERM, 5 * stride),
         "commands stopped": lambda folder: stop_commands(folder, options.commands, options.seed),
+        "a fault at a call": lambda folder: every_call(folder, stride),
+        "beside each other": lambda folder: all_beside(folder, options.seconds),
         "writers at once": lambda folder: at_once(folder, options.writers, options.each),
     }
     broken = 0

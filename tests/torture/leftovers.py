@@ -65,14 +65,15 @@ class Ledger:
                 self.release = int(rest[1])
                 self.maybe_release = {self.release}
             elif what == "removing":
-                self.maybe_gone = {int(rest[0])}
-                if self.release == int(rest[0]):
+                self.maybe_gone = {*map(int, rest)}
+                if self.release in self.maybe_gone:
                     self.maybe_release.add(0)
             elif what == "removed":
-                del self.there[int(rest[0])]
+                for version in map(int, rest):
+                    del self.there[version]
+                    if self.release == version:
+                        self.release, self.maybe_release = 0, {0}
                 self.maybe_gone = set()
-                if self.release == int(rest[0]):
-                    self.release, self.maybe_release = 0, {0}
 
     def _add(self, version: int, digest: str) -> None:
         if version in self.given:

@@ -19,6 +19,8 @@ from processes import Tell, content, finished, forked, without_unnamed_files
 
 from skillctl import store
 from skillctl.errors import Terminated
+from skillctl.usecases.lock import lock
+from skillctl.usecases.versions import collect
 
 # Where the store is written.
 TRACED = ("registry.py", "folder.py", "local.py", "files.py", "signing.py")
@@ -71,19 +73,30 @@ def remove_tagged(registry: store.Registry, tell: Tell) -> Callable[[], object]:
     return lambda: registry.remove("reach", [2])
 
 
+def collect_tagged_kept(registry: store.Registry, tell: Tell) -> Callable[[], object]:
+    tell("removing 1")
+    return lambda: collect(["reach"], keep_last=1, keep_tagged=True, store=registry.root)
+
+
+def lock_newest(registry: store.Registry, _: Tell) -> Callable[[], object]:
+    return lambda: lock(["reach"], path=registry.root / "skillctl.lock", store=registry.root)
+
+
 def sign(registry: store.Registry, _: Tell) -> Callable[[], object]:
-    return lambda: put_signature(registry, 1)
+    located, signature = signature_of(registry, 1)
+    return lambda: store.add_signature(located, signature)
 
 
 PUBLISHING: tuple[Operation, ...] = (publish, publish_named, publish_first)
-OPERATIONS: tuple[Operation, ...] = (*PUBLISHING, tag, untag, remove_newest, remove_tagged, sign)
+COLLECTING: tuple[Operation, ...] = (collect_tagged_kept, lock_newest)
+OPERATIONS: tuple[Operation, ...] = (*PUBLISHING, tag, untag, remove_newest, remove_tagged, sign, *COLLECTING)
 
 
-def put_signature(registry: store.Registry, version: int) -> bool:
-    """Put a signature beside a version; that nobody's key made it does not matter here."""
+def signature_of(registry: store.Registry, version: int) -> tuple[store.Located, store.Signature]:
+    """Return a version, and a signature of it; that nobody's key made it does not matter here."""
     path = registry.path_of("reach", version)
     digest = store.digest_of(path.read_bytes())
-    return store.add_signature(store.Located(path), store.Signature(f"ed25519:{'0' * 64}", digest, "0" * 128))
+    return store.Located(path), store.Signature(f"ed25519:{'0' * 64}", digest, "0" * 128)
 
 
 def prepared(folder: Path, root: Path) -> tuple[store.Registry, Ledger]:
@@ -94,7 +107,7 @@ def prepared(folder: Path, root: Path) -> tuple[store.Registry, Ledger]:
             registry.publish("reach", content("prepared", index))
         registry.tag("reach", 2, "release")
         for version in (2, 3):
-            put_signature(registry, version)
+            store.add_signature(*signature_of(registry, version))
     shutil.copytree(registry.root, root)
     ledger.see(root)
     ledger.read(["tagged release 2"])

@@ -110,7 +110,8 @@ class Promises:
             self.find(f"{command} printed a traceback: {command.said[-600:]}")
         if command.done and command.document is None:
             self.find(f"{command} ended with 0, and its document is none")
-        if command.code >= 2 and not _is_failure(command):
+        unwritable = command.trouble == "small files" and not command.said
+        if command.code >= 2 and not unwritable and not _is_failure(command):
             self.find(f"{command} did not say its failure as a document: {command.said[:600]}")
         for name, number, digest in _stated(command.document):
             self._know(name, number, digest, f"{command}")
@@ -142,13 +143,14 @@ class Promises:
             skill, found = published_by(command), there.get(command.note)
             if found and command.told and not skill:
                 self.find(f"{command} published {found} and did not say so: {command.said}")
-            if skill and found != skill and skill not in gone and not self._maybe_removed(skill, command):
+            maybe = gone | {found}
+            if skill and skill not in maybe and not self._maybe_removed(skill, command, store):
                 self.find(f"{command} published {skill}, and there is {found}")
 
-    def _maybe_removed(self, skill: str, maker: Command) -> bool:
+    def _maybe_removed(self, skill: str, maker: Command, store: dict[str, Folder]) -> bool:
         """Whether a command that could not say what it had done may have removed a version."""
         name, _, number = skill.partition("@")
-        higher = sum(1 for each, other in self.contents if each == name and other > int(number))
+        higher = store[name].given - int(number) if name in store else 0
         return any(
             command.ended > maker.began
             and (command.name or name) == name
@@ -212,7 +214,7 @@ def published_by(command: Command) -> str:
 
 def told_removal(command: Command) -> bool:
     """Whether a command that removes, and did not end well, has said what it had removed."""
-    return command.code in (2, 4, 8)
+    return command.code in (2, 4, 8) and "standard output" not in command.said  # where it would have said so
 
 
 def removed_by(command: Command) -> set[str]:

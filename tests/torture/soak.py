@@ -23,7 +23,7 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -65,7 +65,8 @@ class Soak:
     Attributes:
         folder: The store and all files that commands write are in it.
         inputs: Demonstrations and a task.
-        full: Whether the file system was filled in this round.
+        full: Whether the file system is filled now and then.
+        log: Where each command is written down.
     """
 
     folder: Path
@@ -74,6 +75,7 @@ class Soak:
     promises: Promises = field(default_factory=Promises)
     seen: Counter[str] = field(default_factory=Counter)
     full: bool = False
+    log: Path | None = None
 
     @property
     def store(self) -> Path:
@@ -119,6 +121,9 @@ class Soak:
                     going.remove(each)
                     continue
                 command, broken = said
+                if self.log is not None:
+                    with self.log.open("a") as log:
+                        log.write(json.dumps(asdict(command)) + "\n")
                 self.promises.judge(command, self.full)
                 for finding in broken:
                     self.promises.find(finding)
@@ -317,11 +322,11 @@ def require_whole(path: Path) -> None:
         raise Broken("it is nothing that a command should leave")
 
 
-def soak(folder: Path, seconds: float, users: int, seed: int, pause: float, *, filled: bool) -> Soak:
+def soak(folder: Path, seconds: float, options: argparse.Namespace) -> Soak:
     """Let users work for some time, in rounds; after each, look at the store."""
-    end = time.monotonic() + seconds
+    end, users, pause, filled = time.monotonic() + seconds, options.users, options.pause, options.fill
     with tempfile.TemporaryDirectory() as inputs:
-        soak = Soak(folder, Path(inputs), seed, full=filled)
+        soak = Soak(folder, Path(inputs), options.seed, full=filled, log=options.log)
         soak.prepare()
         while (now := time.monotonic()) < end:
             until = min(now + pause, end)
@@ -353,6 +358,7 @@ def main() -> int:
     parser.add_argument("--pause", type=float, default=30.0, help="seconds from one look to the next")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, help="keep the store here; default: a temporary directory")
+    parser.add_argument("--log", type=Path, help="write down every command, one JSON document a line")
     parser.add_argument("--fill", action="store_true", help="fill the file system of --folder now and then")
     options = parser.parse_args()
     if options.fill and options.folder is None:
@@ -362,7 +368,7 @@ def main() -> int:
     load_everything()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
-        done = soak(folder, seconds, options.users, options.seed, options.pause, filled=options.fill)
+        done = soak(folder, seconds, options)
     for what, count in sorted(done.seen.items()):
         print(f"{what}: {count}")
     print(f"{len(done.promises.commands)} commands in {(time.monotonic() - began) / 60:.1f} minutes")
