@@ -1119,8 +1119,9 @@ static inline void skill_chord_(const double *along, const double *centre, int c
     }
 }
 
-/* Replace a command by the longest along it that is allowed, or else by the nearest to any. */
-static inline void skill_nearest_(const skill_controller *c, double *wanted)
+/* Replace a command by the longest along it that one period allows, and write the shortest; or both as the
+ * nearest to any. */
+static inline void skill_along_(const skill_controller *c, double *wanted, double *shortest)
 {
     const double *last = c->sent[0];
     double weight, low = 0.0, high = 1.0, along = 0.0, square = 0.0, change[SKILL_D_], size;
@@ -1135,6 +1136,7 @@ static inline void skill_nearest_(const skill_controller *c, double *wanted)
 #endif
     if (low <= high) {
         for (i = 0; i < SKILL_D_; ++i) {
+            shortest[i] = low * wanted[i];
             wanted[i] *= high;
         }
         return;
@@ -1153,7 +1155,7 @@ static inline void skill_nearest_(const skill_controller *c, double *wanted)
     }
     size = skill_change_(c, change);
     for (i = 0; i < SKILL_D_; ++i) {
-        wanted[i] = last[i] + change[i] / size;
+        shortest[i] = wanted[i] = last[i] + change[i] / size;
     }
 }
 
@@ -1166,16 +1168,62 @@ static inline void skill_braked_(const skill_controller *c, double *command)
     }
 }
 
+/* Whether the stop of a command falls from y as it has to, and the straight way there is free. */
+static inline int skill_stops_(const skill_controller *c, const skill_part_ *part, const double *state,
+                               const double *command, const double *here, double share, double room)
+{
+    double stop[SKILL_D_], y[SKILL_D_], change[SKILL_D_];
+    int i;
+#if BODIES
+    double end[SKILL_D_], outside[SKILL_D_];
+#if POSE
+    const double none[SKILL_D_] = {0.0};
+#endif
+#endif
+    skill_displaced_(state, 0.5 * (skill_periods_(c, command) + 1.0) * c->period, command, stop);
+    skill_lifted_(part, stop, y);
+    for (i = 0; i < SKILL_D_; ++i) {
+        change[i] = y[i] - here[i];
+    }
+    if (share > 0.0 &&
+        !(skill_size_(part, here) - skill_size_(part, y) >= share * skill_size_(part, change))) {
+        return 0;
+    }
+    if (!(room < HUGE_VAL)) {
+        return 1;
+    }
+#if BODIES
+#if POSE
+    skill_offset_(stop, part->attractor, none, end);
+#else
+    skill_offset_(stop, part->attractor, end);
+#endif
+    for (i = 0; i < SKILL_D_; ++i) {
+        outside[i] = y[i];
+    }
+    skill_back_(part, outside);
+    for (i = 0; i < SKILL_D_; ++i) {
+        outside[i] -= end[i];
+    }
+    skill_difference_(stop, state, change);
+    return skill_length_(change, SKILL_POSITIONS_) <= room &&
+           skill_length_(outside, SKILL_D_) <= SKILL_CLOSED_ * skill_length_(end, SKILL_D_);
+#else
+    return 1;
+#endif
+}
+
 /* Change the command of a step that the skill would like to do, while the robot moves. */
 static inline void skill_eased_(const skill_controller *c, const double *state, skill_motion_ *m)
 {
     const skill_part_ *part = &skill_part_table_[m->part];
     skill_motion_ onward = *m;
     double braked[SKILL_D_], wanted[SKILL_D_], stop[SKILL_D_], here[SKILL_D_], y[SKILL_D_], change[SKILL_D_];
-    double size, ease, share, weight = 1.0;
+    double shortest[SKILL_D_], refused[SKILL_D_], size, ease, share, room = HUGE_VAL;
+    const double *good = braked, *bad = wanted;
     int i, halvings, still = 1;
 #if BODIES
-    double end[SKILL_D_], outside[SKILL_D_], room;
+    double end[SKILL_D_];
 #if POSE
     const double none[SKILL_D_] = {0.0};
 #endif
@@ -1201,7 +1249,7 @@ static inline void skill_eased_(const skill_controller *c, const double *state, 
     for (i = 0; i < SKILL_D_; ++i) {
         wanted[i] *= ease;
     }
-    skill_nearest_(c, wanted);
+    skill_along_(c, wanted, shortest);
     /* The stop has to fall as along the skill's own step, or a share of that. */
     skill_lifted_(part, state, here);
     skill_lifted_(part, m->next, y);
@@ -1221,44 +1269,32 @@ static inline void skill_eased_(const skill_controller *c, const double *state, 
 #endif
     room = skill_room_(part, end);
 #endif
-    for (halvings = 0; halvings <= SKILL_HALVINGS_; ++halvings, weight *= 0.5) {
-        for (i = 0; i < SKILL_D_; ++i) {
-            m->command[i] = braked[i] + weight * (wanted[i] - braked[i]);
-        }
-        skill_displaced_(state, 0.5 * (skill_periods_(c, m->command) + 1.0) * c->period, m->command, stop);
-        skill_lifted_(part, stop, y);
-        for (i = 0; i < SKILL_D_; ++i) {
-            change[i] = y[i] - here[i];
-        }
-        if (share > 0.0 &&
-            !(skill_size_(part, here) - skill_size_(part, y) >= share * skill_size_(part, change))) {
-            continue;
-        }
-#if BODIES
-        if (room < HUGE_VAL) { /* the straight way to the stop has to be free */
-#if POSE
-            skill_offset_(stop, part->attractor, none, end);
-#else
-            skill_offset_(stop, part->attractor, end);
-#endif
-            for (i = 0; i < SKILL_D_; ++i) {
-                outside[i] = y[i];
-            }
-            skill_back_(part, outside);
-            for (i = 0; i < SKILL_D_; ++i) {
-                outside[i] -= end[i];
-            }
-            skill_difference_(stop, state, change);
-            if (!(skill_length_(change, SKILL_POSITIONS_) <= room &&
-                  skill_length_(outside, SKILL_D_) <= SKILL_CLOSED_ * skill_length_(end, SKILL_D_))) {
-                continue;
-            }
-        }
-#endif
-        return;
+    /* The longest, or else the last that is allowed between the shortest, or braking, and one that is not. */
+    if (skill_stops_(c, part, state, wanted, here, share, room)) {
+        good = wanted;
+    } else if (skill_stops_(c, part, state, shortest, here, share, room)) {
+        good = shortest;
+        bad = wanted;
+    } else {
+        bad = shortest;
     }
     for (i = 0; i < SKILL_D_; ++i) {
-        m->command[i] = braked[i];
+        m->command[i] = good[i];
+    }
+    for (halvings = 0; good != wanted && halvings < SKILL_HALVINGS_; ++halvings) {
+        for (i = 0; i < SKILL_D_; ++i) {
+            change[i] = 0.5 * (m->command[i] + bad[i]);
+        }
+        if (skill_stops_(c, part, state, change, here, share, room)) {
+            for (i = 0; i < SKILL_D_; ++i) {
+                m->command[i] = change[i];
+            }
+        } else {
+            for (i = 0; i < SKILL_D_; ++i) {
+                refused[i] = change[i];
+            }
+            bad = refused;
+        }
     }
 }
 
@@ -1405,7 +1441,7 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
         part = skill_begun_(stage, state);
         skill_course_begin_(c);
 #else
-        part = skill_begun_(0, state);
+        part = -1; /* chosen where the robot will be */
 #endif
 #else
     if (part < 0) {
@@ -1455,8 +1491,12 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
 #endif
         }
     }
+#if STAGES
 #if RESELECTS
     part = skill_begun_(0, ahead);
+#else
+    part = part < 0 ? skill_begun_(0, ahead) : part;
+#endif
 #endif
     c->part = part;
     m.part = part;
