@@ -209,9 +209,19 @@ DISTURBED = Scenario(
         {"kind": "push", "time": 0.0, "duration": 0.1, "force": (1.0, 0.0, 0.0)},
         {"kind": "move-target", "time": 0.0, "offset": (0.0, 0.01, 0.0)},
         {"kind": "displace", "time": 0.0, "offset": (0.0, 0.01, 0.0)},
+        {"kind": "knock", "time": 0.0, "offset": (0.0, 0.1, 0.0)},
     ],
 ).model_dump(exclude_none=True)
-TIMES = {"time", "duration", "max_duration", "settle_time", "close_time", "lift_time", "hold_time"}
+TIMES = {
+    "time",
+    "duration",
+    "max_duration",
+    "settle_time",
+    "close_time",
+    "open_time",
+    "lift_time",
+    "hold_time",
+}
 
 
 @pytest.mark.parametrize("path", [*numbers(DISTURBED)], ids=str)
