@@ -55,6 +55,7 @@ TROUBLES = {
 }  # fmt: skip
 
 
+STOPS = (signal.SIGINT, signal.SIGTERM)
 WHOLE = ("", "SIGKILL", "SIGTERM", "SIGINT")  # also of a Python that starts
 
 
@@ -194,13 +195,16 @@ class Soak:
         """
         output = [self.inputs / f"{own.name}.{stream}" for stream in ("out", "err")]
         command.began = time.monotonic()
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
         with output[0].open("wb") as out, output[1].open("wb") as err:
             if whole:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
                 line = [sys.executable, "-m", "skillctl", *command.words, "--json"]
                 environment = {**os.environ, "PYTHONPATH": f"{ROOT}", "SKILLCTL_STORE": f"{self.store}"}
                 process = subprocess.Popen(line, cwd=own, env=environment, stdout=out, stderr=err).pid
             elif not (process := os.fork()):
                 become(command, self.store, own, (out.fileno(), err.fileno()), rng)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
         if command.trouble.startswith("SIG"):
             time.sleep(rng.uniform(0, 2.0 if whole else 1.0) ** 2 / 2)  # mostly while it runs
             os.kill(process, getattr(signal, command.trouble))
@@ -258,6 +262,7 @@ def become(command: Command, store: Path, own: Path, output: tuple[int, int], rn
             taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (taken + (rng.randint(4, 32) << 20),) * 2)
         sys.argv = ["skillctl", *command.words, "--json"]
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
         main_of_skillctl()
         code = 0
     except SystemExit as stop:
@@ -268,7 +273,7 @@ def become(command: Command, store: Path, own: Path, output: tuple[int, int], rn
     except BaseException:
         traceback.print_exc()
     finally:
-        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
         sys.stderr.flush()
         os._exit(code)
 
