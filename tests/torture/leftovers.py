@@ -70,7 +70,7 @@ class Ledger:
                     self.maybe_release.add(0)
             elif what == "removed":
                 for version in map(int, rest):
-                    del self.there[version]
+                    self.there.pop(version, None)  # of one killed before it could report, there is none
                     if self.release == version:
                         self.release, self.maybe_release = 0, {0}
                 self.maybe_gone = set()
