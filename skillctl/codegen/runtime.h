@@ -29,7 +29,7 @@ enum {
     SKILL_OK = 0,
     SKILL_BAD_PERIOD = 1,  /* not positive, or longer than is proved */
     SKILL_BAD_LIMIT = 2,   /* a limit that is not positive */
-    SKILL_BAD_STATE = 3,   /* not finite */
+    SKILL_BAD_STATE = 3,   /* not finite, or beyond 1e100 */
     SKILL_BAD_STAGE = 4    /* a chain has no such stage */
 };
 
@@ -1419,7 +1419,7 @@ static inline int skill_step(skill_controller *c, const double state[SKILL_DIMEN
     averaged = (int)skill_averaged_(c);
     ramps = skill_ramps_(c);
     for (i = 0; i < SKILL_DIMENSION; ++i) {
-        if (!(fabs(state[i]) <= DBL_MAX)) {
+        if (!(fabs(state[i]) <= 1e100)) {
             return SKILL_BAD_STATE;
         }
     }

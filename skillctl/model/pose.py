@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skillctl import rotations
-from skillctl.arrays import FloatArray, require_positive
+from skillctl.arrays import LARGEST, FloatArray, require_positive
 from skillctl.errors import StateError
 from skillctl.model.space import AXIS_NAMES, Place, Space, numbers
 
@@ -194,7 +194,7 @@ class Pose(Space):
         if x.shape != (7,):
             return Space.measured(self, x)
         values = x.tolist()
-        if not all(map(math.isfinite, values)) or not any(values[3:]):
+        if not all(abs(value) <= LARGEST for value in values) or not any(values[3:]):
             raise StateError(
                 f"state: must be finite, with a quaternion that is not zero, got {values}.",
                 hint="Check the measurement before it is passed on.",

@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from skillctl.arrays import FloatArray, length
+from skillctl.arrays import LARGEST, FloatArray, length
 from skillctl.errors import StateError
 
 AXIS_NAMES = ("x", "y", "z")
@@ -189,11 +188,13 @@ class Space(ABC):
     def measured(self, state: npt.ArrayLike) -> FloatArray:
         """Return one measured state (d,), checked as a robot needs it: in shape, and finite.
 
+        Numbers beyond 1e100, of which squares and sums overflow, count as infinite.
+
         Raises:
             StateError: It is neither.
         """
         x = self.states(state)
-        if x.ndim != 1 or not all(map(isfinite, x.tolist())):
+        if x.ndim != 1 or not all(abs(value) <= LARGEST for value in x.tolist()):
             problem = f"must be finite, got {x.tolist()}" if x.ndim == 1 else f"one at a time, got {x.shape}"
             raise StateError(f"state: {problem}.", hint="Check the measurement before it is passed on.")
         return x

@@ -43,7 +43,7 @@ def test_a_velocity_is_asked_for_with_the_right_shape(kinds, kind, state):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e101, -1e308])
 def test_a_measurement_that_is_no_number_changes_nothing(kinds, kind, bad):
     disturbed, untouched = Controller(kinds[kind], 1e-3), Controller(kinds[kind], 1e-3)
     for controller in (disturbed, untouched):
