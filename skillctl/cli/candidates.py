@@ -127,7 +127,7 @@ def _value(parameter: Any, word: str, context: Any) -> Answer:
     if choices := getattr(parameter.type, "choices", ()):
         return Answer(tuple((choice, "") for choice in choices)).starting_with(word)
     if getattr(parameter.type, "name", "") == "path":
-        return Answer(kind="directories") if metavar == "DIR" else FILES
+        return FILES
     left, equals, _ = metavar.partition("=")  # N|auto, junit|sarif=FILE: what is in small letters is meant
     if equals and "=" in word:
         return FILES.after(word[: word.index("=") + 1])
@@ -185,5 +185,6 @@ VALUES: dict[str, Callable[[str, Any], Answer]] = {
     "DRIVER": lambda word, context: Answer(tuple((name, "") for name in sorted(known()))),
     "OUTPUT": lambda word, context: Answer(tuple((name, "") for name in OUTPUTS)),
     **dict.fromkeys(("DATA", "DEMO"), lambda word, context: FILES),
+    "DIR": lambda word, context: Answer(kind="directories"),
     **dict.fromkeys(("LINK", "ADDRESS"), lambda word, context: NOTHING),
 }

@@ -114,7 +114,7 @@ def test_json_after_a_double_dash_is_an_argument(run):
         (BrokenPipeError(), 141),
         (KeyboardInterrupt(), 130),
         (ZeroDivisionError("division by zero"), 70),
-        (MemoryError(), 70),
+        (MemoryError(), 8),
     ],
 )
 def test_every_error_has_its_exit_code(error, code):
@@ -221,7 +221,8 @@ def test_an_interrupted_batch_ends_its_workers_and_leaves_nothing_behind(tmp_pat
         printed, said = process.communicate(timeout=60)
     assert (process.returncode, printed) == (code, "")
     assert "Traceback" not in said
-    assert not any(pid.exists() for pid in pids)
+    while any(pid.exists() for pid in pids):  # they are being removed; the test's time limit ends this
+        time.sleep(0.05)
     assert list(tmp_path.iterdir()) == [manifest]
 
 

@@ -80,7 +80,7 @@ def test_a_driver_that_is_not_there_is_named_with_the_nearest():
     assert refused.value.hint == "Did you mean udp?"
     with pytest.raises(NotFoundError) as refused:
         driver_class("kuka")
-    assert "pybullet, udp" in refused.value.hint
+    assert {"fake,", "pybullet,", "udp,"} <= set(refused.value.hint.split())
 
 
 @pytest.mark.parametrize(

@@ -225,7 +225,11 @@ def removed_by(command: Command) -> set[str]:
         removed = (command.document or {}).get("removed", ())
         names = {each["skill"].partition("@")[0] + "@" + word for each in removed for word in each["aliases"]}
         return names | {each["skill"] for each in removed}
-    return {skill for said in REMOVED.findall(command.said) for skill in said.split(", ")}
+    try:
+        message = json.loads(command.said)["message"]
+    except (ValueError, TypeError, KeyError):
+        message = command.said
+    return {skill for said in REMOVED.findall(message) for skill in said.split(", ")}
 
 
 def _tagged(command: Command) -> list[int | None]:

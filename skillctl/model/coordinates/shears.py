@@ -66,7 +66,7 @@ class Shears(Frozen, Link):
         if reasons := self.check():
             raise InvalidModelError(reasons[0])
         shears = zip(self.directions, self.firsts, self.spacings, self.coefficients, strict=True)
-        inverse = np.triu(np.linalg.inv(self.linear))
+        inverse = frozen_array("inverse", np.triu(np.linalg.inv(self.linear)), (d, d))
         object.__setattr__(self, "inverse", inverse)
         object.__setattr__(self, "shears", tuple(_Shear(w, float(t), float(s), c) for w, t, s, c in shears))
         object.__setattr__(self, "_rows", (self.linear.tolist(), inverse.tolist()))
@@ -248,6 +248,8 @@ class _Shear:
         along = np.abs(coefficients @ direction)[:, None] * np.abs(direction) / (direction @ direction)
         self.sizes = 16 * (np.abs(coefficients) + along).max(axis=0)  # BUMP's entries add up to less
         self._extremes = _slope_extremes(cells, 1 / spacing)
+        for array in (self.direction, self.cells, self.shift, self.sizes):  # others are computed from them
+            array.setflags(write=False)
 
     def amounts(self, places: FloatArray) -> FloatArray:
         """Return a at places t (n,). Shape (n, d); exactly zero at zero."""
