@@ -158,7 +158,7 @@ def _require_known_cause(error: ArtifactError) -> None:
 
 def _content(artifact: store.Artifact) -> tuple[object, ...]:
     """Return what a digest is of: golden motions are no part of it."""
-    arrays = {p: a for p, a in store.contents_of(artifact).items() if not p.startswith("/golden/")}
+    arrays = {p: a for p, a in store.contents_of(artifact).items() if not p.startswith("golden/")}
     return store.metadata_of(artifact), {path: (a.shape, a.tobytes()) for path, a in arrays.items()}
 
 
