@@ -14,7 +14,8 @@ from independent import Folder
 PUBLISHED = re.compile(r"([a-z0-9._-]+@\d+) was published")
 REMOVED = re.compile(r"Removed before that: ([^.]*(?:\.[^ ][^.]*)*)\.")
 UNSTARTED = re.compile(  # Python's, before our first line; or the soak's own, behind our last
-    r"^Fatal Python error: init_|^Could not import runpy module|in _run_module_as_main\n|in become\n +signal\."
+    r"^Fatal Python error: init_|^Could not import runpy module|in _run_module_as_main\n"
+    r"|in become\n +signal\."
 )
 MAKING = {"learn", "merge", "combine", "adapt", "chain"}
 # Besides 0: what another process may have removed is not found (4), an alias may protect a version (2), and
