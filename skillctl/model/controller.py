@@ -249,11 +249,9 @@ class Controller:
         """
         x = self.skill.space.measured(state)
         caps, ramp = self._caps(max_speed, max_turn), self._ramp
+        bodies = self._seen(seen)
         self._measured = x
         part, near = self._acting(x, busy)
-        bodies = [(body.name, self._inflated(body)) for body in seen]
-        if bodies:
-            bodies += self._known
         ahead = x if ramp is None else ramp.ahead(x)
         step = self._stepper.step(ahead, part, caps, near)
         self.blocked = ()
@@ -285,13 +283,20 @@ class Controller:
             part = self._course.onward(skill, state, part, busy)
         return part, going.offset if going is not None and part == going.parts else None
 
+    def _seen(self, seen: Sequence[Body]) -> list[tuple[str, Gauge]]:
+        """Return what is to be steered clear of: what is seen, and then what is known, too; refuse first."""
+        space = self.skill.space
+        if not seen:
+            return []
+        if space.positions < space.dimension or space.unit != "m":
+            raise UsageError("seen: only a skill over positions can be steered clear of what is seen.")
+        return [*((body.name, self._inflated(body)) for body in seen), *self._known]
+
     def _steered(
         self, state: FloatArray, step: Step, bodies: Sequence[tuple[str, Gauge]], caps: Caps
     ) -> Step:
         """Return a step that is steered clear of bodies; say which ones block it."""
         space = self.skill.space
-        if space.positions < space.dimension or space.unit != "m":
-            raise UsageError("seen: only a skill over positions can be steered clear of what is seen.")
         part = self.skill.acting_parts[int(step.parts)]
         gauges = [gauge for _, gauge in bodies]
         turned = steered(part, state, step.command, gauges, self.period, caps)

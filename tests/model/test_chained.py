@@ -11,6 +11,7 @@ from skillctl.errors import InvalidModelError, UsageError
 from skillctl.model.chained import ChainedSkill
 from skillctl.model.combined import CombinedSkill
 from skillctl.model.controller import Controller
+from skillctl.model.coordinates.bodies import Ball
 from skillctl.model.rollout import rollout
 from skillctl.model.skill import contraction_period
 
@@ -103,6 +104,16 @@ def test_events_go_on_only_where_the_stage_is_over(make_chain):
         assert (controller.stage, controller.event) == (0, "close")
     controller.step(ENDS[0])
     assert (controller.stage, controller.event) == (1, None)
+
+
+def test_a_step_that_is_refused_leaves_events_as_they_were(make_chain):
+    chain = make_chain(events=[("close",), (), ()])
+    controller = Controller(chain, PERIOD, allow_unproved=True)
+    controller.step(ENDS[0])
+    before = controller.state()
+    with pytest.raises(UsageError, match="needs a margin"):
+        controller.step(ENDS[0], seen=[Ball("ball", (0.5, 0.5), 0.1)])
+    assert controller.state() == before
 
 
 @pytest.mark.parametrize(("on_jump", "stage"), [("stay", 2), ("back", 0)])
