@@ -45,13 +45,9 @@ class Rollouts:
 
     def trajectory(self, index: int) -> tuple[FloatArray, FloatArray]:
         """Return times and positions of one trajectory, cut at its arrival."""
-        end = self.length(index)
-        return self.times[:end], self.positions[index, :end]
-
-    def length(self, index: int) -> int:
-        """Return how many states of one trajectory there are up to its arrival."""
         arrival = self.arrival_times[index]
-        return len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
+        end = len(self.times) if np.isnan(arrival) else int(np.searchsorted(self.times, arrival)) + 1
+        return self.times[:end], self.positions[index, :end]
 
 
 def arrival_distance_of(skill: Skill) -> float:
@@ -71,9 +67,9 @@ def rollout(
     """Integrate ξ̇ = f(ξ) from every start, as a controller with the given period would.
 
     A latched combined skill keeps, per trajectory, the part chosen at the start. The stages of a chain follow
-    each other at once: its events, and waits, are the ``Controller``'s. Integration ends when
-    every trajectory has arrived, or after ``duration``. However many steps that takes, at most
-    ``MOST_STATES`` states of each trajectory are kept.
+    each other at once: its events, and waits, are the ``Controller``'s. Integration ends when every
+    trajectory has arrived, or after ``duration``. However many steps that takes, at most ``MOST_STATES``
+    states of each trajectory are kept.
 
     Args:
         skill: What to integrate.
